@@ -700,7 +700,9 @@ function trimaran.dissector(tvb, pinfo, tree)
 end
 
 local function begins_with_hello(tvb, at)
-  return tvb:len() >= at + 8 and (tvb(at, 1):uint() == 0x01 or tvb(at, 1):uint() == 0x06) and tvb(at + 4, 4):string() == MAGIC
+  if tvb:len() < at + 8 or tvb(at + 4, 4):string() ~= MAGIC then return false end
+  local kind = tvb(at, 1):uint()
+  return kind == 0x01 or kind == 0x06
 end
 
 trimaran:register_heuristic("tcp", function(tvb, pinfo, tree)

@@ -101,7 +101,7 @@ pub enum ConfigError {
     Keys(#[from] KeysError),
 }
 
-/// What this program has against it.
+/// The fault that this program finds in it.
 const fn advice(error: &KeysError) -> &'static str {
     match error {
         KeysError::Malformed { .. } | KeysError::Unusable { .. } => {

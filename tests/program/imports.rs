@@ -9,11 +9,12 @@ use std::{
 };
 
 /// The crates, from the bottom up, with their folders. A crate may depend on those above it in this list.
-const CRATES: [(&str, &str); 14] = [
+const CRATES: [(&str, &str); 15] = [
     ("trimaran-net", "transport/net"),
     ("trimaran-wire", "transport/wire"),
     ("trimaran-udp", "transport/udp"),
     ("trimaran-transport", "transport"),
+    ("trimaran-python", "transport/python"),
     ("trimaran-netsim", "netsim"),
     ("trimaran-proto", "proto"),
     ("trimaran-scene", "roles/scene"),

@@ -1,4 +1,4 @@
-//! A robot with an IMU, an odometer and two lidars shows three panels what it senses, and gets goals from them.
+//! A robot with an IMU, an odometer and two lidars shows three panels what it senses. It gets goals from them.
 //! One panel is slow, one is killed and started again.
 //!
 //!     cargo run -p trimaran-transport --features zerocopy --example a_robot_and_its_panels -- ENDPOINT
@@ -147,7 +147,9 @@ async fn all(endpoint: &str) -> Result<[Seen; 3], Box<dyn Error>> {
     let fast = panel("fast", Duration::ZERO, 40);
     let slow = panel("slow", Duration::from_millis(200), 6);
     tokio::select! {
-        ended = Box::pin(robot(&net, listener)) => Err(ended.err().unwrap_or_else(|| "the robot stopped".into())),
+        ended = Box::pin(robot(&net, listener)) => {
+            Err(ended.err().unwrap_or_else(|| "the robot stopped".into()))
+        }
         seen = async { tokio::try_join!(fast, slow, killed) } => Ok(<[Seen; 3]>::from(seen?)),
     }
 }

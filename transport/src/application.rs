@@ -108,11 +108,11 @@ impl<P: Protocol> Side<P> {
 
 impl<P: Protocol> Application for Side<P> {
     fn protocol(&self) -> ProtocolName {
-        ProtocolName::new(P::NAME)
+        P::protocol(&self.ours)
     }
 
     fn format(&self) -> Format {
-        Format::of::<P>()
+        P::format(&self.ours)
     }
 
     fn hello(&self) -> &Bytes {
@@ -133,7 +133,7 @@ impl<P: Protocol> Application for Side<P> {
     }
 
     fn local_lanes(&self, counters: [&Arc<Counters>; 2]) -> [Box<dyn Any + Send>; 2] {
-        local::pair::<P>(counters).map(|lanes| Box::new(lanes) as _)
+        local::pair::<P>(&self.format(), counters).map(|lanes| Box::new(lanes) as _)
     }
 
     fn type_of(&self) -> TypeId {

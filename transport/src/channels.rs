@@ -6,7 +6,8 @@ use std::fmt;
 use bytes::Bytes;
 use thiserror::Error;
 use trimaran_wire::{
-    BatchSize, Batching, Channel, CloseReason, Fixed, FixedBytes, FrameMessage, FramesOf, Item, LatestOf,
+    BatchSize, Batching, Channel, CloseReason, Fixed, FixedBytes, Format, FrameMessage, FramesOf, Item,
+    LatestOf,
 };
 
 use crate::concurrent::try_all;
@@ -18,8 +19,9 @@ use crate::lanes::latest::{LatestReceiver, LatestSender};
 use crate::rates::Messages;
 use crate::transport::Capabilities;
 
-/// The channels of a link: further lanes, as [`Protocol::CHANNELS`](crate::Protocol::CHANNELS) declares them. Take out what you use, and
-/// keep or drop the rest: a channel that is not taken out holds up only its own sender.
+/// The channels of a link: further lanes, as [`Protocol::CHANNELS`](crate::Protocol::CHANNELS) declares them.
+/// Take out what you use, and keep or drop the rest: a channel that is not taken out holds up only its own
+/// sender.
 ///
 /// ```
 /// # use trimaran_transport::{Channel, ChannelError, FrameSender, FramesOf, Link, Protocol};
@@ -111,9 +113,10 @@ impl Channels {
             ByteChannel::Frames(halves) => {
                 let (tx, rx) = self.ends.wire(halves);
                 let batching = Batching { size: self.batch, coded: false };
+                let format = Format::of::<FramesOf<H, I>>();
                 Ok((
-                    FrameSender::new(batching, self.max_frame, self.capabilities, tx),
-                    FrameReceiver::new(self.max_frame, rx, Messages::new(self.messages_per_s)),
+                    FrameSender::new(batching, self.max_frame, self.capabilities, &format, tx),
+                    FrameReceiver::new(self.max_frame, &format, rx, Messages::new(self.messages_per_s)),
                 ))
             }
             ByteChannel::Latest(_) => Err(ChannelError::Taken { name: name.to_owned() }),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_wire::{Protocol, Refusal, SessionId};
+use trimaran_wire::{Format, Protocol, Refusal, SessionId};
 
 use crate::application::Side;
 use crate::causes::causes;
@@ -128,7 +128,7 @@ pub async fn connect<P: Protocol>(
                 .check_channels(&*application)
                 .map_err(|cause| AttemptError::Handshake { address: endpoint.to_string(), cause })?;
             let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
-            believed::<P>(net, options, parts).await
+            believed::<P>(net, options, &application.format(), parts).await
         };
         let last = match until(&**net, timeout, attempt).await {
             Some(Ok(link)) => return Ok(link),
@@ -175,11 +175,12 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
 async fn believed<P: Protocol>(
     net: &Arc<dyn Net>,
     options: &Options,
+    format: &Format,
     mut parts: LinkParts,
 ) -> Result<Link<P>, AttemptError> {
     let (address, doubt) = (parts.address.to_string(), parts.doubt.take());
     let failed = |cause| AttemptError::Handshake { address, cause };
-    let link = parts.into_link::<P>(net, &options.link);
+    let link = parts.into_link::<P>(net, &options.link, format);
     match (link, doubt) {
         (Some(link), None) => Ok(link),
         (Some(link), Some(error)) => {

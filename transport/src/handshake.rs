@@ -101,7 +101,8 @@ pub enum HandshakeError {
     },
     /// The protocol has channels, and the transport has none, or fewer.
     #[error(
-        "the protocol has {needed} channels, and a link over {scheme} has {most} at most: take another transport"
+        "the protocol has {needed} channels, and a link over {scheme} has {most} at most: take another \
+         transport"
     )]
     NoChannels {
         /// The transport.

@@ -60,6 +60,7 @@
 //! | `reconnecting` | a link that is made again whenever it is lost |
 //! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
 //! | `application`, `peer` | the two sides of a link, for the layers that only handle bytes |
+//! | [`untyped`] | links whose protocol is known only at run time |
 //! | `endpoint`, `schemes` | the choice of a transport; only `schemes` and `options` name them all |
 //! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with its lanes |
 //! | `transport`, `lane_transport`, `parts` | the tasks of a transport, and its result |
@@ -114,6 +115,7 @@ mod transport;
 pub mod udp;
 #[cfg(feature = "unix")]
 mod unix;
+pub mod untyped;
 #[cfg(any(feature = "quic", feature = "udp"))]
 mod watched_socket;
 #[cfg(feature = "ws")]
@@ -159,9 +161,10 @@ pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, Channel,
     ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason, CodingError,
-    DecodeError, DecodeFault, Delivery, Explanation, Fixed, Format, FrameEnd, FrameEvent, FrameNumber,
-    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind, Lane, LatestOf,
-    MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
+    DecodeError, DecodeFault, Delivery, Explanation, Fixed, FixedBytes, Format, FrameEnd, FrameEvent,
+    FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind, Lane,
+    LatestOf, MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection, SessionId,
+    WireVersion,
 };
 #[cfg(feature = "zerocopy")]
 pub use trimaran_wire::{Plain, PlainError};

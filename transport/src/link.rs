@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_net::{Net, until};
-use trimaran_wire::{CloseReason, Protocol};
+use trimaran_wire::{CloseReason, Format, Protocol};
 
 use crate::application::whole;
 use crate::channels::Channels;
@@ -80,8 +80,8 @@ impl<P: Protocol> Link<P> {
     /// Closes the link on each lane. Then waits at most half a second for the peer to close as well, or, if
     /// the peer has left already, for the close to arrive. Data that still comes is discarded.
     ///
-    /// A bulk lane that was taken out stays open: put it back first. Channels that were taken out stay open as
-    /// well: close or drop them first.
+    /// A bulk lane that was taken out stays open: put it back first. Channels that were taken out stay open
+    /// as well: close or drop them first.
     ///
     /// Dropping the future drops the link: the close may reach the peer on some lanes or none, and the peer
     /// then takes this side for lost.
@@ -155,7 +155,12 @@ impl<P: Protocol> Link<P> {
 
 impl LinkParts {
     /// The link, if its peer speaks `P`, which the handshake has ensured.
-    pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
+    pub(crate) fn into_link<P: Protocol>(
+        self,
+        net: &Arc<dyn Net>,
+        config: &LinkConfig,
+        format: &Format,
+    ) -> Option<Link<P>> {
         let Self { lanes, channels, peer, session, address, capabilities, counters, .. } = self;
         let (idle_timeout, place) = (self.idle_timeout, self.place);
         let fit = channels.len() == P::CHANNELS.len()
@@ -195,8 +200,8 @@ impl LinkParts {
             stats,
             latest_tx: LatestSender(latest.0),
             latest_rx: LatestReceiver(latest.1),
-            frames_tx: FrameSender::new(batching, max_frame, capabilities, frames.0),
-            frames_rx: FrameReceiver::new(max_frame, frames.1, rate()),
+            frames_tx: FrameSender::new(batching, max_frame, capabilities, format, frames.0),
+            frames_rx: FrameReceiver::new(max_frame, format, frames.1, rate()),
             messages_tx: MessageSender(messages.0),
             messages_rx: MessageReceiver(RecordReceiver {
                 lane: messages.1,

@@ -255,7 +255,8 @@ impl<P: Protocol> Listener<P> {
             match until(&*self.net, deadline, self.links.recv()).await {
                 Some(Some(parts)) => {
                     // An admitted hello can be read.
-                    if let Some(link) = parts.into_link(&self.net, &self.acceptor.link) {
+                    let format = self.acceptor.application.format();
+                    if let Some(link) = parts.into_link(&self.net, &self.acceptor.link, &format) {
                         return Ok(link);
                     }
                 }

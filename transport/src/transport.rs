@@ -31,8 +31,8 @@ pub trait Transport: fmt::Debug + Send + Sync {
 
     /// Opens a byte stream to the listener at `address`, the part of the endpoint behind its scheme.
     ///
-    /// A link opens one for each of its four lanes, and for each channel. For all but the first one `beside` is the peer of the
-    /// first, in case the address has several.
+    /// A link opens one for each of its four lanes, and for each channel. For all but the first one `beside`
+    /// is the peer of the first, in case the address has several.
     ///
     /// Dropping the future ends the attempt.
     ///

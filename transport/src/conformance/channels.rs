@@ -10,7 +10,7 @@ use super::rover::{Distance, OtherRover, Rover, Ticks};
 use super::talk::{finished, patient, points, pose};
 use crate::{
     AttemptError, ChannelError, ConnectError, FrameEvent, FrameNumber, FrameReceiver, FrameSender,
-    FrameStart, HandshakeError, KeepLast, Link, Protocol, Publisher, RecvError, WhenBehind,
+    FrameStart, HandshakeError, KeepLast, Link, Protocol, Publisher, RecvError, WhenBehind, sleep_until,
 };
 
 type Front = FramesOf<(), u32>;
@@ -221,8 +221,9 @@ pub async fn a_dead_peer_is_lost_on_every_channel(pairs: &impl Pairs) {
             break;
         }
     }
+    let net = pairs.net();
     while imu_tx.publish(Ticks(0)).is_ok() {
-        tokio::task::yield_now().await;
+        sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
     }
 }
 

@@ -36,7 +36,7 @@
 //!         link: LinkConfig,
 //!         within: Duration,
 //!     ) -> Result<(Link<P>, Link<Q>), ConnectError> {
-//!         let (net, options) = (self.net(), Options { link, ..Options::default() });
+//!         let (net, options) = (self.net(), Options::default().with_link(link));
 //!         let at = "inproc:conformance".parse().unwrap();
 //!         meet([&net, &net], &at, [&options, &options], hellos, within, Clone::clone).await
 //!     }

@@ -88,8 +88,8 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<LinkPar
     let Introduction { application, session, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: name.to_string(), cause };
     let refused = |refusal| failed(HandshakeError::Refused(refusal));
-    if acceptor.application.type_of() != application.type_of() {
-        let (listener, connector) = (acceptor.application.protocol(), application.protocol());
+    let (listener, connector) = (acceptor.application.protocol(), application.protocol());
+    if acceptor.application.type_of() != application.type_of() || listener != connector {
         if listener == connector {
             acceptor.application.compare(&application.channels()).map_err(refused)?;
         }
@@ -115,9 +115,9 @@ pub fn pair<P: Protocol>(
     let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
     let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
     let host = there.recognize(here.hello())?;
-    let [near, far] = ends(&*here);
-    let near = assemble(guest, SessionId(0), near).into_link(net, config);
-    let far = assemble(host, SessionId(0), far).into_link(net, config);
+    let ([near, far], format) = (ends(&*here), here.format());
+    let near = assemble(guest, SessionId(0), near).into_link(net, config, &format);
+    let far = assemble(host, SessionId(0), far).into_link(net, config, &format);
     near.zip(far).ok_or(HandshakeError::Closed)
 }
 

@@ -19,8 +19,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::Name;
 #[cfg(feature = "quic")]
-use crate::handshake::HandshakeError;
-#[cfg(feature = "quic")]
 pub(crate) use certificate::QuicIdentity;
 pub(crate) use claim::KeyFault;
 pub use claim::{PeerKey, UnknownPeer, WrongRole};
@@ -122,8 +120,8 @@ impl Keys {
 
     /// The key and the certificate behind [`PublicKeys::quic`].
     #[cfg(feature = "quic")]
-    pub(crate) fn quic(&self) -> Result<&QuicIdentity, HandshakeError> {
-        self.quic.as_ref().ok_or(HandshakeError::NoQuicKey)
+    pub(crate) const fn quic(&self) -> Option<&QuicIdentity> {
+        self.quic.as_ref()
     }
 
     fn assemble(file: PrivateFile) -> Result<Self, KeysError> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_net::Net;
-use trimaran_wire::{FrameEnd, FrameOrderError, FrameStart, Protocol};
+use trimaran_wire::{Format, FrameEnd, FrameOrderError, FrameStart, Protocol};
 
 use crate::config::link::LinkConfig;
 use crate::error::SendError;
@@ -86,7 +86,13 @@ impl<P: Protocol> Publisher<P> {
     /// Without subscribers. Of the `config` it uses `batching` and `max_frame`.
     #[must_use]
     pub fn new(net: &Arc<dyn Net>, config: &LinkConfig) -> Self {
-        let assembly = Assembly::new(config.batching.size, config.max_frame, config.batching.coded);
+        Self::of_format(net, config, &Format::of::<P>())
+    }
+
+    /// The same for a protocol whose sizes are known only at run time, by [`Protocol::format`].
+    #[must_use]
+    pub fn of_format(net: &Arc<dyn Net>, config: &LinkConfig, format: &Format) -> Self {
+        let assembly = Assembly::new(config.batching, config.max_frame, format.item);
         Self { net: Arc::clone(net), assembly, subscribers: Vec::new(), ids: 0, last: None }
     }
 

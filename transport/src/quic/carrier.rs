@@ -164,7 +164,8 @@ mod tests {
             let beside = control.accept_beside().await.unwrap();
             control.send(&Message::Accept(acceptor.answer())).await.unwrap();
             let parts = control.into_parts(&net, peer, (hello.session, beside));
-            let link = parts.into_link::<Robot>(&net, &LinkConfig::default()).unwrap();
+            let config = LinkConfig::default();
+            let link = parts.into_link::<Robot>(&net, &config, &application.format()).unwrap();
             let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx: _latest_rx, .. } = link;
             frames_tx.close(finished()).await.unwrap();
             latest_tx.close(finished()).await.unwrap();

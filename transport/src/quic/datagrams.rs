@@ -1,7 +1,7 @@
 //! The datagrams of a connection, shared out among its lanes of values.
 //!
-//! Without channels there is one such lane. With channels the first byte of a datagram says whose it is: 0 for
-//! the latest lane, and from 1 on for channels, by their numbers.
+//! Without channels there is one such lane. With channels the first byte of a datagram says whose it is: 0
+//! for the latest lane, and from 1 on for channels, by their numbers.
 
 use std::sync::Arc;
 

@@ -68,7 +68,8 @@ struct Part {
 }
 
 impl FrameTx {
-    /// The frames lane of a link, with a stream for each frame. Older ones go first unless there are channels.
+    /// The frames lane of a link, with a stream for each frame. Older ones go first unless there are
+    /// channels.
     pub(crate) fn new(carrier: &Arc<Carrier>, has_channels: bool, counters: &Arc<Counters>) -> Self {
         let open = |connection: Connection| async { Some((connection.open_uni().await, connection)) };
         let open = stream::unfold(carrier.connection.clone(), open).boxed();

@@ -27,7 +27,7 @@ const WAITING: u64 = 16 * 1024;
 pub(super) fn listen(at: SocketAddr, quic: &Quic, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
     let options = quic.options;
     let security = quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
-    let identity = security.keys.quic().map_err(io::Error::other)?;
+    let identity = security.keys.quic().ok_or_else(|| io::Error::other(HandshakeError::NoQuicKey))?;
     let (config, _) = server(acceptor, &security, &options).map_err(io::Error::other)?;
     let socket = acceptor.net.bind_udp(at, options.socket)?;
     let socket = WatchedSocket::new(socket, Some(acceptor.serving()));

@@ -2,8 +2,8 @@
 //! certificates pinned.
 //!
 //! The connecting peer opens streams in both directions: one for control, one for messages, one for blocks,
-//! and one for each channel. The control stream carries the hello and its answer, then copies of values that no
-//! newer one followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
+//! and one for each channel. The control stream carries the hello and its answer, then copies of values that
+//! no newer one followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
 
 mod carrier;
 pub(crate) mod connect;

@@ -90,8 +90,8 @@ impl Default for QuicOptions {
 
 impl QuicOptions {
     pub(crate) fn transport(&self, link: &LinkConfig, format: &Format) -> Arc<TransportConfig> {
-        // Room for the one waiting value of each lane: the next one replaces it. quinn adds 32 bytes of its own a
-        // datagram.
+        // Room for the one waiting value of each lane: the next one replaces it. quinn adds 32 bytes of its
+        // own a datagram.
         let datagram: usize = datagrams::sizes(format).map(|bytes| bytes + size_of::<bytes::Bytes>()).sum();
         let channels = format.channels.len() as u32;
         let mut config = TransportConfig::default();

@@ -18,7 +18,7 @@ use rustls::{
 use trimaran_wire::ProtocolName;
 
 use crate::handshake::HandshakeError;
-use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey, UnknownPeer};
+use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey, QuicIdentity, UnknownPeer};
 
 /// Admits peers that show one of these certificates and prove to hold its key; one for each handshake.
 ///
@@ -126,6 +126,10 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
+fn identity(keys: &Keys) -> Result<&QuicIdentity, HandshakeError> {
+    keys.quic().ok_or(HandshakeError::NoQuicKey)
+}
+
 /// The TLS configuration of the connecting peer. The application's protocol is its ALPN name (RFC 7301). No
 /// session is resumed: each handshake shows and checks both certificates.
 pub(crate) fn client(
@@ -138,7 +142,7 @@ pub(crate) fn client(
         .map_err(|e| HandshakeError::Tls(e.into()))?
         .dangerous() // rustls' word for a verifier of one's own
         .with_custom_certificate_verifier(Arc::<Verifier>::clone(verifier))
-        .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.quic()?.certified))));
+        .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&identity(keys)?.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.resumption = Resumption::disabled();
     Ok(config)
@@ -154,7 +158,7 @@ pub(crate) fn server(
         .with_protocol_versions(&[&TLS13])
         .map_err(|e| HandshakeError::Tls(e.into()))?
         .with_client_cert_verifier(Arc::<Verifier>::clone(verifier))
-        .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.quic()?.certified))));
+        .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&identity(keys)?.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.session_storage = Arc::new(NoServerSessionStorage {});
     config.send_tls13_tickets = 0;

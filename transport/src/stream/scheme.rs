@@ -1,4 +1,5 @@
-//! Links over byte streams of any transport: a connection for each lane and channel, with a hello and an answer.
+//! Links over byte streams of any transport: a connection for each lane and channel, with a hello and an
+//! answer.
 
 use std::sync::Arc;
 

@@ -46,7 +46,7 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages, bulk]: [DuplexStream; 4],
         capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
     };
     let parts = lanes.into_parts(net, config.idle_timeout, peer, SessionId(1));
-    parts.into_link(net, &config).unwrap()
+    parts.into_link(net, &config, &application.format()).unwrap()
 }
 
 /// Both ends of a pipe of `room` bytes for each lane.

@@ -45,6 +45,8 @@ mod udp_addresses;
 mod udp_way;
 #[cfg(all(unix, feature = "unix"))]
 mod unix;
+#[cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "inproc"))]
+mod untyped;
 #[cfg(all(feature = "quic", feature = "udp"))]
 mod way;
 #[cfg(feature = "ws")]

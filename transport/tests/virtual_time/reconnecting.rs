@@ -141,7 +141,8 @@ fn a_listener_that_begins_late_is_found_soon() {
     }
 }
 
-/// Pauses are a tenth of the time so far. Pauses of 0.1 s would take 270 attempts in 20 s, and doubled ones 13.
+/// Pauses are a tenth of the time so far. Pauses of 0.1 s would take 270 attempts in 20 s, and doubled ones
+/// 13.
 #[test]
 fn an_absent_listener_is_asked_more_and_more_seldom() {
     let overhead = Overhead { header_bytes: 0, handshake: 1, coded: true };

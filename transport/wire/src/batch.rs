@@ -38,6 +38,23 @@ impl Item for u32 {
     }
 }
 
+/// A byte, for items whose size is known only at run time.
+impl Item for u8 {
+    const SIZE: usize = 1;
+
+    #[inline]
+    fn write(self, out: &mut [u8]) {
+        if let Some(out) = out.first_mut() {
+            *out = self;
+        }
+    }
+
+    #[inline]
+    fn read(bytes: &[u8]) -> Self {
+        bytes.first().copied().unwrap_or_default()
+    }
+}
+
 /// The largest number of items in a batch: `b` in the paper's bandwidth formula (section 3.3), 1 to 16,384.
 ///
 /// Small batches arrive sooner, large ones cost fewer headers. With items of 4 bytes the default, 256, costs
@@ -114,7 +131,15 @@ impl<I: Item> Batch<I> {
     /// # Errors
     /// If there are none, too many, or a part of one.
     pub fn new(bytes: Bytes) -> Result<Self, BatchError> {
-        check(bytes.len(), I::SIZE)?;
+        Self::of(bytes, I::SIZE)
+    }
+
+    /// The same where an item on the wire has `item` bytes, a multiple of [`Item::SIZE`].
+    ///
+    /// # Errors
+    /// If there are none, too many, or a part of one.
+    pub fn of(bytes: Bytes, item: usize) -> Result<Self, BatchError> {
+        check(bytes.len(), item)?;
         Ok(Self(bytes, PhantomData))
     }
 

@@ -23,6 +23,14 @@ pub trait Fixed: Sized + Send + Sync + 'static {
     /// # Errors
     /// If they are invalid. The peer then has broken the protocol.
     fn read(bytes: &[u8]) -> Result<Self, Self::Error>;
+
+    /// The bytes of the value. They are [`Fixed::SIZE`], unless the size is known only at run time:
+    /// [`Protocol::format`](crate::Protocol::format).
+    fn to_bytes(&self) -> FixedBytes {
+        let mut bytes = FixedBytes::from_elem(0, Self::SIZE);
+        self.write(&mut bytes);
+        bytes
+    }
 }
 
 /// The most bytes of a [`Fixed`] value: with its headers it fits into one datagram of any network.
@@ -34,9 +42,7 @@ pub type FixedBytes = SmallVec<[u8; 96]>;
 /// The bytes of `value`.
 #[must_use]
 pub fn to_bytes<T: Fixed>(value: &T) -> FixedBytes {
-    let mut bytes = FixedBytes::from_elem(0, T::SIZE);
-    value.write(&mut bytes);
-    bytes
+    value.to_bytes()
 }
 
 /// No bytes: for unused lanes, and frames that begin with only their number.

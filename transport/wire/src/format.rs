@@ -1,7 +1,6 @@
 //! The sizes of an application's values.
 
-use crate::channel::are_sound;
-use crate::{BatchSize, Channel, ChannelSizes, Fixed, Item, MAX_FIXED, Protocol, ProtocolName};
+use crate::{BatchSize, Channel, ChannelSizes};
 
 /// The sizes of an application's values, for the layers that only handle bytes.
 #[derive(Debug, Clone, Copy)]
@@ -26,25 +25,6 @@ impl Default for Format {
 }
 
 impl Format {
-    /// The sizes of `P`'s types. Sizes that their traits do not allow fail to compile.
-    #[must_use]
-    pub const fn of<P: Protocol>() -> Self {
-        const {
-            assert!(P::NAME.len() <= ProtocolName::MAX_BYTES, "the name of a protocol has at most 32 bytes");
-            assert!(P::Latest::SIZE <= MAX_FIXED, "a value of the latest lane has at most 1024 bytes");
-            assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
-            assert!(are_sound(P::CHANNELS), "there are at most 16 channels, each with a name of its own");
-            assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
-        }
-        Self {
-            latest: P::Latest::SIZE,
-            header: P::Header::SIZE,
-            item: P::Item::SIZE,
-            count_coded: P::count_coded,
-            channels: P::CHANNELS,
-        }
-    }
-
     /// The sizes of a channel, as for a link whose lanes have its types.
     #[must_use]
     pub fn of_channel(channel: &Channel) -> Self {

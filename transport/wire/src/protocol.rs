@@ -7,7 +7,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::{Batch, BatchSize, Channel, Fixed, FrameEnd, FrameNumber, Item, Rejection};
+use crate::channel::are_sound;
+use crate::{
+    Batch, BatchSize, Channel, Fixed, Format, FrameEnd, FrameNumber, Item, MAX_FIXED, ProtocolName, Rejection,
+};
 
 /// An application's protocol over its links, with its types.
 ///
@@ -84,6 +87,18 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// The name of the peer with `hello` in messages and logs.
     fn name(hello: &Self::Hello) -> String;
 
+    /// The name of the protocol that the side with `ours` speaks: [`Protocol::NAME`], unless it is known only
+    /// at run time, as in a gateway or another language.
+    fn protocol(_ours: &Self::Hello) -> ProtocolName {
+        ProtocolName::new(Self::NAME)
+    }
+
+    /// The sizes of its values: those of its types, unless they are known only at run time. Then one item on
+    /// the wire is as many [`Protocol::Item`]s as its size takes.
+    fn format(_ours: &Self::Hello) -> Format {
+        Format::of::<Self>()
+    }
+
     /// Whether the listener with `ours` admits the peer with `theirs`. It is called at the listener.
     ///
     /// # Errors
@@ -121,6 +136,27 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// The number of items that a coded batch claims; `None` if it is invalid.
     fn count_coded(_bytes: &[u8]) -> Option<usize> {
         None
+    }
+}
+
+impl Format {
+    /// The sizes of `P`'s types. Sizes that their traits do not allow fail to compile.
+    #[must_use]
+    pub const fn of<P: Protocol>() -> Self {
+        const {
+            assert!(P::NAME.len() <= ProtocolName::MAX_BYTES, "the name of a protocol has at most 32 bytes");
+            assert!(P::Latest::SIZE <= MAX_FIXED, "a value of the latest lane has at most 1024 bytes");
+            assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
+            assert!(are_sound(P::CHANNELS), "there are at most 16 channels, each with a name of its own");
+            assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
+        }
+        Self {
+            latest: P::Latest::SIZE,
+            header: P::Header::SIZE,
+            item: P::Item::SIZE,
+            count_coded: P::count_coded,
+            channels: P::CHANNELS,
+        }
     }
 }
 

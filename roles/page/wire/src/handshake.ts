@@ -1,7 +1,7 @@
 /** The handshake and the end of a link: hello, accept, refuse and close. */
 
 import { Reader, shownText, WireError, Writer } from "./bytes.ts";
-import { type Of, option, record, rest, tagged, text, u16, u32, u64, u8, variant, whole } from "./codec.ts";
+import { type Of, option, record, rest, tagged, text, u8, u16, u32, u64, variant, whole } from "./codec.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
 export const WIRE_VERSION = 4;

@@ -18,6 +18,7 @@ use crate::rates::Messages;
 #[derive(Debug)]
 pub(super) struct Events<P: Protocol> {
     assembler: FrameAssembler,
+    format: Format,
     /// Set if items may come coded.
     decoder: Option<Box<dyn BatchDecoder<P::Item>>>,
     lane: Receiver<FrameEvent<P>, FrameMessage>,
@@ -26,13 +27,18 @@ pub(super) struct Events<P: Protocol> {
 }
 
 impl<P: Protocol> Events<P> {
-    pub(super) fn new(max_frame: u32, lane: Receiver<FrameEvent<P>, FrameMessage>, rate: Messages) -> Self {
+    pub(super) fn new(
+        max_frame: u32,
+        format: Format,
+        lane: Receiver<FrameEvent<P>, FrameMessage>,
+        rate: Messages,
+    ) -> Self {
         let decoder = match lane.lane {
             AnyRx::Wire(_) => P::decoder(max_frame),
             AnyRx::Local(_) => None,
         };
         let assembler = FrameAssembler::new(max_frame);
-        Self { assembler, decoder, lane, rate, span: FrameSpan::none() }
+        Self { assembler, format, decoder, lane, rate, span: FrameSpan::none() }
     }
 
     /// The clock of the link.
@@ -47,22 +53,23 @@ impl<P: Protocol> Events<P> {
 
     /// Waits for the next event, until `by` at most if that is given. Dropping the future loses nothing.
     pub(super) async fn recv(&mut self, by: Option<Instant>) -> Result<FrameEvent<P>, RecvError> {
+        let item = self.format.item;
         let event = match self.lane.next(by).await? {
             Came::Local(event) => Ok(event),
             Came::Wire(message) => {
                 let counted = self.lane.count(&mut self.rate);
-                counted.and_then(|()| decoded::<P>(self.decoder.as_deref_mut(), message))
+                counted.and_then(|()| decoded::<P>(self.decoder.as_deref_mut(), item, message))
             }
         };
         let shared = &self.lane.shared;
         let event = event
-            .and_then(|event| judged(&mut self.assembler, event))
+            .and_then(|event| judged(&mut self.assembler, item, event))
             .map_err(|e| LaneError::Protocol(e).receiving(&shared.peer))?;
         match &event {
             FrameEvent::Begin(start) => {
-                self.span = FrameSpan::open(Way::Received, start.frame, Format::of::<P>().begin(), shared);
+                self.span = FrameSpan::open(Way::Received, start.frame, self.format.begin(), shared);
             }
-            FrameEvent::Batch(batch) => shared.counters.received.count_items(batch.count()),
+            FrameEvent::Batch(batch) => shared.counters.received.count_items(batch.as_bytes().len() / item),
             FrameEvent::End(FrameOutcome::Complete(end)) => {
                 self.span.close(Way::Received, end.items, true, shared);
             }
@@ -74,14 +81,18 @@ impl<P: Protocol> Events<P> {
     }
 }
 
-/// Checks that the event may come now. The outcome of a frame is decided here.
+/// Checks that the event may come now; `item` is the size of an item on the wire. The outcome of a frame is
+/// decided here.
 fn judged<P: Protocol>(
     assembler: &mut FrameAssembler,
+    item: usize,
     event: FrameEvent<P>,
 ) -> Result<FrameEvent<P>, ProtocolError> {
     let step = match &event {
         FrameEvent::Begin(start) => FrameStep::Begin(start.frame),
-        FrameEvent::Batch(batch) => FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() },
+        FrameEvent::Batch(batch) => {
+            FrameStep::Batch { items: batch.as_bytes().len() / item, bytes: batch.as_bytes() }
+        }
         FrameEvent::End(FrameOutcome::Complete(end)) => FrameStep::End(*end),
         // No peer sends it so.
         FrameEvent::End(FrameOutcome::Incomplete { .. }) => return Ok(event),
@@ -93,6 +104,7 @@ fn judged<P: Protocol>(
 /// The event in `message`. An end counts as that of a complete frame until it is checked.
 fn decoded<P: Protocol>(
     decoder: Option<&mut (dyn BatchDecoder<P::Item> + 'static)>,
+    item: usize,
     message: FrameMessage,
 ) -> Result<FrameEvent<P>, ProtocolError> {
     Ok(match message {
@@ -104,7 +116,7 @@ fn decoded<P: Protocol>(
             FrameEvent::Begin(FrameStart { frame, header })
         }
         FrameMessage::Batch(bytes) => {
-            let batch = Batch::new(bytes).map_err(ProtocolError::Batch)?;
+            let batch = Batch::of(bytes, item).map_err(ProtocolError::Batch)?;
             if let Some(decoder) = decoder {
                 decoder.plain(&batch);
             }

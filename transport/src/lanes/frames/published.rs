@@ -1,7 +1,7 @@
 //! Frames that are put together once, for many receivers.
 
 use trimaran_wire::{
-    Batch, BatchEncoder, BatchSize, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
+    Batch, BatchEncoder, Batching, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
     FrameOutcome, FrameStart, FrameWriter, Protocol, to_bytes,
 };
 
@@ -49,9 +49,9 @@ impl<P: Protocol> PublishedFrame<P> {
     }
 
     /// Its events, for a receiver in this process.
-    pub(crate) fn events(&self) -> impl Iterator<Item = FrameEvent<P>> + '_ {
-        let batches = self.plain.iter().filter_map(|message| match message {
-            FrameMessage::Batch(bytes) => Batch::new(bytes.clone()).ok().map(FrameEvent::Batch),
+    pub(crate) fn events(&self, item: usize) -> impl Iterator<Item = FrameEvent<P>> + '_ {
+        let batches = self.plain.iter().filter_map(move |message| match message {
+            FrameMessage::Batch(bytes) => Batch::of(bytes.clone(), item).ok().map(FrameEvent::Batch),
             _ => None,
         });
         let end = FrameEvent::End(FrameOutcome::Complete(self.end));
@@ -80,8 +80,9 @@ struct Encoder<P: Protocol> {
 const FRAMES: u32 = 16;
 
 impl<P: Protocol> Assembly<P> {
-    pub(crate) fn new(size: BatchSize, max_frame: u32, coded: bool) -> Self {
-        let writer = FrameWriter::new(size).of_at_most(max_frame);
+    /// `item`: the bytes of an item on the wire.
+    pub(crate) fn new(Batching { size, coded }: Batching, max_frame: u32, item: usize) -> Self {
+        let writer = FrameWriter::new(size).of_at_most(max_frame).of_items(item);
         Self { writer, coded, encoder: None, last: None }
     }
 
@@ -133,6 +134,11 @@ mod tests {
     use super::*;
     use crate::conformance::{Robot, points, start};
     use proptest::prelude::*;
+    use trimaran_wire::BatchSize;
+
+    fn assembly(batch: u32, max_frame: u32) -> Assembly<Robot> {
+        Assembly::new(Batching { size: BatchSize::new(batch).unwrap(), coded: true }, max_frame, 4)
+    }
 
     /// A receiver that decodes.
     struct Receiver {
@@ -186,7 +192,7 @@ mod tests {
         fn receivers_that_skip_any_frames_read_what_they_get(
             gets in prop::collection::vec(prop::array::uniform3(prop::bool::weighted(0.8)), 1..80),
         ) {
-            let mut assembly = Assembly::<Robot>::new(BatchSize::new(100).unwrap(), 1 << 20, true);
+            let mut assembly = assembly(100, 1 << 20);
             let mut receivers = [Receiver::new(), Receiver::new(), Receiver::new()];
             for (number, gets) in (0..).zip(&gets) {
                 let mut items = points(1000);
@@ -204,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_receiver_that_lacked_a_frame_gets_coded_ones_again_once_the_encoder_begins_anew() {
-        let mut assembly = Assembly::<Robot>::new(BatchSize::new(100).unwrap(), 1 << 20, true);
+        let mut assembly = assembly(100, 1 << 20);
         let mut receiver = Receiver::new();
         for number in 0..(3 * FRAMES) {
             let lacking = assembly.since().is_some_and(|since| receiver.lacks(since));
@@ -220,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_cannot_be_is_no_part_of_the_sequence() {
-        let mut assembly = Assembly::<Robot>::new(BatchSize::new(10).unwrap(), 50, true);
+        let mut assembly = assembly(10, 50);
         assembly.put(start(3), &points(50), false).unwrap();
         let early = assembly.put(start(3), &points(1), false).unwrap_err();
         assert!(matches!(early, FrameOrderError::NotRising { .. }), "{early}");

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use trimaran_net::Instant;
-use trimaran_wire::{FrameEvent, FrameMessage, FrameNumber, Protocol};
+use trimaran_wire::{Format, FrameEvent, FrameMessage, FrameNumber, Protocol};
 
 use super::events::Events;
 use super::last::{KeepLast, LastFrames};
@@ -34,8 +34,13 @@ enum Source<P: Protocol> {
 }
 
 impl<P: Protocol> FrameReceiver<P> {
-    pub(crate) fn new(max_frame: u32, lane: Receiver<FrameEvent<P>, FrameMessage>, rate: Messages) -> Self {
-        let source = Source::Every(Box::new(Events::new(max_frame, lane, rate)));
+    pub(crate) fn new(
+        max_frame: u32,
+        format: &Format,
+        lane: Receiver<FrameEvent<P>, FrameMessage>,
+        rate: Messages,
+    ) -> Self {
+        let source = Source::Every(Box::new(Events::new(max_frame, *format, lane, rate)));
         Self { source, open: None, gathering: Gathering::default(), skipped: Skipped::default() }
     }
 

@@ -18,6 +18,7 @@ use crate::transport::Capabilities;
 #[derive(Debug)]
 pub struct FrameSender<P: Protocol> {
     writer: FrameWriter<P::Item>,
+    format: Format,
     /// Set if items may travel coded.
     encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
     /// Whether a frame may be coded against any frame before it.
@@ -31,6 +32,7 @@ impl<P: Protocol> FrameSender<P> {
         Batching { size, coded }: Batching,
         max_frame: u32,
         capabilities: Capabilities,
+        format: &Format,
         lane: Sender<FrameEvent<P>, FrameMessage>,
     ) -> Self {
         let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
@@ -39,9 +41,9 @@ impl<P: Protocol> FrameSender<P> {
             AnyTx::Wire(_) if coded => P::encoder(delivery),
             _ => None,
         };
-        let writer = FrameWriter::new(size).of_at_most(max_frame);
+        let writer = FrameWriter::new(size).of_at_most(max_frame).of_items(format.item);
         let takes_coded = encoder.is_some() && delivery == Delivery::Ordered;
-        Self { writer, encoder, takes_coded, lane, span: FrameSpan::none() }
+        Self { writer, format: *format, encoder, takes_coded, lane, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its header has been sent when this returns.
@@ -53,7 +55,7 @@ impl<P: Protocol> FrameSender<P> {
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
         let frame = start.frame;
         self.write(|writer, _| writer.begin(frame))?;
-        self.span = FrameSpan::open(Way::Sent, frame, Format::of::<P>().begin(), &self.lane.shared);
+        self.span = FrameSpan::open(Way::Sent, frame, self.format.begin(), &self.lane.shared);
         match &mut self.lane.lane {
             AnyTx::Local(lane) => lane.stage(FrameEvent::Begin(start)),
             AnyTx::Wire(lane) => {
@@ -79,7 +81,8 @@ impl<P: Protocol> FrameSender<P> {
     /// If the peer is gone or stalls, no frame is open, or the frame would exceed its limit of items.
     pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
         self.write(|writer, emit| writer.push(items, emit))?;
-        self.lane.shared.counters.sent.count_items(items.len());
+        let count = items.len() * P::Item::SIZE / self.format.item;
+        self.lane.shared.counters.sent.count_items(count);
         self.lane.send_staged().await
     }
 
@@ -121,9 +124,9 @@ impl<P: Protocol> FrameSender<P> {
         self.encoder = None;
         let coded_since = Some(since).filter(|_| self.takes_coded);
         let shared = &self.lane.shared;
-        self.span = FrameSpan::open(Way::Sent, frame.number(), Format::of::<P>().begin(), shared);
+        self.span = FrameSpan::open(Way::Sent, frame.number(), self.format.begin(), shared);
         match &mut self.lane.lane {
-            AnyTx::Local(lane) => frame.events().try_for_each(|event| lane.stage(event)),
+            AnyTx::Local(lane) => frame.events(self.format.item).try_for_each(|event| lane.stage(event)),
             AnyTx::Wire(lane) => frame.messages(coded_since).try_for_each(|message| lane.stage(message)),
         }
         .map_err(|loss| lost(loss, shared))?;
@@ -159,11 +162,11 @@ impl<P: Protocol> FrameSender<P> {
         &mut self,
         write: impl FnOnce(&mut FrameWriter<P::Item>, &mut dyn FnMut(FrameMessage)) -> Result<T, FrameOrderError>,
     ) -> Result<T, SendError> {
-        let Self { writer, encoder, lane: Sender { lane, shared, .. }, .. } = self;
+        let Self { writer, format, encoder, lane: Sender { lane, shared, .. }, .. } = self;
         let mut staged = Ok(());
         let written = write(writer, &mut |message| {
             let stage = match lane {
-                AnyTx::Local(lane) => local(message).map_or(Ok(()), |event| lane.stage(event)),
+                AnyTx::Local(lane) => local(message, format.item).map_or(Ok(()), |event| lane.stage(event)),
                 AnyTx::Wire(lane) => lane.stage(coded(encoder.as_deref_mut(), message)),
             };
             if let Err(loss) = stage {
@@ -177,10 +180,10 @@ impl<P: Protocol> FrameSender<P> {
 }
 
 /// The event for a message of a writer, within this process.
-fn local<P: Protocol>(message: FrameMessage) -> Option<FrameEvent<P>> {
+fn local<P: Protocol>(message: FrameMessage, item: usize) -> Option<FrameEvent<P>> {
     match message {
         // A writer's batches are valid.
-        FrameMessage::Batch(bytes) => Batch::new(bytes).ok().map(FrameEvent::Batch),
+        FrameMessage::Batch(bytes) => Batch::of(bytes, item).ok().map(FrameEvent::Batch),
         FrameMessage::End(end) => Some(FrameEvent::End(FrameOutcome::Complete(end))),
         FrameMessage::Begin { .. } | FrameMessage::Coded(_) => None,
     }

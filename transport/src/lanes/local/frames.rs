@@ -17,22 +17,25 @@ use crate::stats::Counters;
 /// for items of 4 bytes 32 MiB in all at the largest batch size.
 const QUEUE: usize = 256;
 
-/// The kind and payload size of data if it were encoded.
-type Weight<T> = fn(&T) -> (Kind, usize);
+/// The kind and payload size of data if it were encoded. A begin has so many bytes.
+type Weight<T> = fn(&T, usize) -> (Kind, usize);
 
 /// The lane of `T` in one direction.
 pub(super) fn frames<T>(
+    format: &Format,
     [sent, received]: [&Arc<Counters>; 2],
     weight: Weight<T>,
 ) -> (FrameTx<T>, FrameRx<T>) {
-    let (sender, receiver) = queue(QUEUE);
-    let tx = FrameTx { weight, queue: sender, staged: VecDeque::new(), counters: Arc::clone(sent) };
-    (tx, FrameRx { weight, queue: receiver, closed: None, counters: Arc::clone(received) })
+    let ((sender, receiver), begin) = (queue(QUEUE), format.begin());
+    let tx = FrameTx { weight, begin, queue: sender, staged: VecDeque::new(), counters: Arc::clone(sent) };
+    (tx, FrameRx { weight, begin, queue: receiver, closed: None, counters: Arc::clone(received) })
 }
 
 #[derive(Debug)]
 pub(super) struct FrameTx<T> {
     weight: Weight<T>,
+    /// The size of a begin.
+    begin: usize,
     queue: Sender<Said<T>>,
     staged: VecDeque<Said<T>>,
     counters: Arc<Counters>,
@@ -43,6 +46,8 @@ pub(super) struct FrameRx<T> {
     weight: Weight<T>,
     queue: Receiver<Said<T>>,
     closed: Option<CloseReason>,
+    /// The size of a begin.
+    begin: usize,
     counters: Arc<Counters>,
 }
 
@@ -66,7 +71,7 @@ impl<T: fmt::Debug + Send> LaneTx for FrameTx<T> {
 
 impl<T: fmt::Debug + Send> Tx<T> for FrameTx<T> {
     fn stage(&mut self, data: T) -> Result<(), Loss> {
-        let (kind, bytes) = (self.weight)(&data);
+        let (kind, bytes) = (self.weight)(&data, self.begin);
         self.counters.sent.count(kind, bytes);
         self.staged.push_back(Said::Data(data));
         Ok(())
@@ -79,7 +84,7 @@ impl<T: fmt::Debug + Send> Rx<T> for FrameRx<T> {
     fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<T>, LaneError>> {
         let next = super::poll_next(&mut self.queue, &mut self.closed, &self.counters, cx);
         next.map_ok(|data| {
-            let (kind, bytes) = (self.weight)(&data);
+            let (kind, bytes) = (self.weight)(&data, self.begin);
             self.counters.received.count(kind, bytes);
             Some(data)
         })
@@ -87,9 +92,9 @@ impl<T: fmt::Debug + Send> Rx<T> for FrameRx<T> {
 }
 
 /// The kind and payload size of an event if it were encoded.
-pub(super) fn weight<P: Protocol>(event: &FrameEvent<P>) -> (Kind, usize) {
+pub(super) fn weight<P: Protocol>(event: &FrameEvent<P>, begin: usize) -> (Kind, usize) {
     match event {
-        FrameEvent::Begin(_) => (Kind::Begin, Format::of::<P>().begin()),
+        FrameEvent::Begin(_) => (Kind::Begin, begin),
         FrameEvent::Batch(batch) => (Kind::Batch, batch.as_bytes().len()),
         FrameEvent::End(_) => (Kind::End, 16),
     }

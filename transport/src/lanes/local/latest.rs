@@ -5,21 +5,22 @@ use std::fmt;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
-use trimaran_wire::{CloseReason, Kind};
+use trimaran_wire::{CloseReason, Format, Kind};
 
 use crate::error::{LaneError, Loss};
 use crate::lanes::half::{Half, LaneTx, Rx, Tx};
 use crate::stats::{Counters, Direction};
 
 /// The lane in one direction.
-/// `size` is that of a value if it were encoded.
 pub(super) fn latest<V>(
+    format: &Format,
     [sent, received]: [&Arc<Counters>; 2],
-    size: fn(&V) -> usize,
 ) -> (LatestTx<V>, LatestRx<V>) {
     let cell = Arc::new(Mutex::new(Cell { value: None, closed: None, ended: false, reader: None }));
     let (sent, received) = (Arc::clone(sent), Arc::clone(received));
-    (LatestTx { cell: Arc::clone(&cell), size, counters: sent }, LatestRx { cell, size, counters: received })
+    let bytes = format.latest;
+    let tx = LatestTx { cell: Arc::clone(&cell), bytes, counters: sent };
+    (tx, LatestRx { cell, bytes, counters: received })
 }
 
 #[derive(Debug)]
@@ -36,7 +37,8 @@ struct Cell<V> {
 #[derive(Debug)]
 pub(super) struct LatestTx<V> {
     cell: Arc<Mutex<Cell<V>>>,
-    size: fn(&V) -> usize,
+    /// The size of a value.
+    bytes: usize,
     counters: Arc<Counters>,
 }
 
@@ -69,8 +71,9 @@ impl<V: fmt::Debug + Send> LaneTx for LatestTx<V> {
 
 impl<V: fmt::Debug + Send> Tx<V> for LatestTx<V> {
     fn stage(&mut self, value: V) -> Result<(), Loss> {
+        let bytes = self.bytes;
         self.change(|cell, sent| {
-            sent.count(Kind::Latest, (self.size)(&value));
+            sent.count(Kind::Latest, bytes);
             cell.value = Some(value);
         })
     }
@@ -85,7 +88,8 @@ impl<V> Drop for LatestTx<V> {
 #[derive(Debug)]
 pub(super) struct LatestRx<V> {
     cell: Arc<Mutex<Cell<V>>>,
-    size: fn(&V) -> usize,
+    /// The size of a value.
+    bytes: usize,
     counters: Arc<Counters>,
 }
 
@@ -95,7 +99,7 @@ impl<V: fmt::Debug + Send> Rx<V> for LatestRx<V> {
     fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<V>, LaneError>> {
         let mut cell = self.cell.lock();
         if let Some(value) = cell.value.take() {
-            self.counters.received.count(Kind::Latest, (self.size)(&value));
+            self.counters.received.count(Kind::Latest, self.bytes);
             return Poll::Ready(Ok(Some(value)));
         }
         match &cell.closed {

@@ -9,7 +9,7 @@ use std::task::{Context, Poll, ready};
 
 use bytes::Bytes;
 use trimaran_wire::{
-    Channel, ChannelSizes, CloseReason, Fixed, FixedBytes, FrameEvent, FrameMessage, Kind, Protocol,
+    Channel, ChannelSizes, CloseReason, FixedBytes, Format, FrameEvent, FrameMessage, Kind, Protocol,
 };
 
 use super::queue::Receiver;
@@ -23,11 +23,11 @@ pub(crate) type LocalLanes<P> =
     Lanes<<P as Protocol>::Latest, FrameEvent<P>, Measured<<P as Protocol>::Message>, Measured<Bytes>>;
 
 /// Both ends of such lanes, which count their traffic there.
-pub(crate) fn pair<P: Protocol>(counters: [&Arc<Counters>; 2]) -> [LocalLanes<P>; 2] {
+pub(crate) fn pair<P: Protocol>(format: &Format, counters: [&Arc<Counters>; 2]) -> [LocalLanes<P>; 2] {
     let [here, there] = counters;
     let (ways, back) = ([here, there], [there, here]);
-    let latest = |ways| latest::latest(ways, |_: &P::Latest| P::Latest::SIZE);
-    let frames = |ways| frames::frames(ways, frames::weight::<P>);
+    let latest = |ways| latest::latest(format, ways);
+    let frames = |ways| frames::frames(format, ways, frames::weight::<P>);
     let ((latest_a, latest_rx_b), (latest_b, latest_rx_a)) = (latest(ways), latest(back));
     let ((frames_a, frames_rx_b), (frames_b, frames_rx_a)) = (frames(ways), frames(back));
     let [messages_a, messages_b] = records::records(RecordLane::Messages, ways);
@@ -51,17 +51,17 @@ pub(crate) fn pair<P: Protocol>(counters: [&Arc<Counters>; 2]) -> [LocalLanes<P>
 /// Both ends of a channel, which count their traffic there. Values and headers are bytes already.
 #[cfg_attr(not(feature = "inproc"), allow(dead_code, reason = "only inproc calls it"))]
 pub(crate) fn channel(declared: &Channel, [here, there]: [&Arc<Counters>; 2]) -> [ByteChannel; 2] {
-    let (ways, back) = ([here, there], [there, here]);
+    let (ways, back, format) = ([here, there], [there, here], &Format::of_channel(declared));
     match declared.sizes() {
         ChannelSizes::Latest { .. } => {
-            let of = |ways| latest::latest(ways, |value: &FixedBytes| value.len());
+            let of = |ways| latest::latest::<FixedBytes>(format, ways);
             let ((near_tx, far_rx), (far_tx, near_rx)) = (of(ways), of(back));
             [(near_tx, near_rx), (far_tx, far_rx)]
                 .map(|(tx, rx)| ByteChannel::Latest((Box::new(tx), Box::new(rx))))
         }
         ChannelSizes::Frames { .. } => {
-            let of =
-                |ways| frames::frames(ways, |message: &FrameMessage| (message.kind(), message.payload()));
+            let weight = |message: &FrameMessage, _: usize| (message.kind(), message.payload());
+            let of = |ways| frames::frames(format, ways, weight);
             let ((near_tx, far_rx), (far_tx, near_rx)) = (of(ways), of(back));
             [(near_tx, near_rx), (far_tx, far_rx)]
                 .map(|(tx, rx)| ByteChannel::Frames((Box::new(tx), Box::new(rx))))

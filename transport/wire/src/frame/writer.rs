@@ -15,6 +15,8 @@ use crate::{BatchSize, FrameNumber, Item};
 #[derive(Debug)]
 pub struct FrameWriter<I> {
     batch: BatchSize,
+    /// Bytes of an item on the wire.
+    item: usize,
     most: u32,
     pending: BytesMut,
     open: Option<Digest>,
@@ -31,13 +33,20 @@ impl<I: Item> FrameWriter<I> {
     pub fn new(batch: BatchSize) -> Self {
         const { assert!(I::SIZE > 0, "an item has at least one byte") }
         let pending = BytesMut::new();
-        Self { batch, most: u32::MAX, pending, open: None, last: None, items: PhantomData }
+        Self { batch, item: I::SIZE, most: u32::MAX, pending, open: None, last: None, items: PhantomData }
     }
 
     /// The same for frames of at most `most` items.
     #[must_use]
     pub fn of_at_most(mut self, most: u32) -> Self {
         self.most = most;
+        self
+    }
+
+    /// The same where an item on the wire has `bytes`, a multiple of [`Item::SIZE`] above 0.
+    #[must_use]
+    pub fn of_items(mut self, bytes: usize) -> Self {
+        self.item = bytes.max(I::SIZE);
         self
     }
 
@@ -61,18 +70,23 @@ impl<I: Item> FrameWriter<I> {
     /// Adds items to the open frame, and emits every batch that is full.
     ///
     /// # Errors
-    /// If no frame is open, or it would exceed its limit of items; then none of them is added.
+    /// If no frame is open, it would exceed its limit of items, or they are a part of an item on the wire;
+    /// then none of them is added.
     pub fn push(
         &mut self,
         mut items: &[I],
         mut emit: impl FnMut(FrameMessage),
     ) -> Result<(), FrameOrderError> {
         let Digest { frame, items: emitted, .. } = self.open.as_ref().ok_or(FrameOrderError::NoneOpen)?;
-        let count = emitted + (self.pending.len() / I::SIZE + items.len()) as u64;
+        let bytes = items.len() * I::SIZE;
+        if !bytes.is_multiple_of(self.item) {
+            return Err(FrameOrderError::Part { bytes, item: self.item });
+        }
+        let count = emitted + ((self.pending.len() + bytes) / self.item) as u64;
         if count > u64::from(self.most) {
             return Err(FrameOrderError::TooMany { frame: *frame, most: self.most });
         }
-        let full = self.batch.items() * I::SIZE;
+        let full = self.batch.items() * self.item;
         while !items.is_empty() {
             let free = full.saturating_sub(self.pending.len()) / I::SIZE;
             let (now, later) = items.split_at(free.min(items.len()));
@@ -97,7 +111,7 @@ impl<I: Item> FrameWriter<I> {
         let digest = self.open.as_mut().ok_or(FrameOrderError::NoneOpen)?;
         if !self.pending.is_empty() {
             let batch = self.pending.split().freeze();
-            digest.add(batch.len() / I::SIZE, &batch);
+            digest.add(batch.len() / self.item, &batch);
             emit(FrameMessage::Batch(batch));
         }
         Ok(())
@@ -142,6 +156,14 @@ pub enum FrameOrderError {
     /// `push` or `finish` before `begin`.
     #[error("no frame is open: begin one first")]
     NoneOpen,
+    /// Not a whole number of items, where their size is known only at run time.
+    #[error("{bytes} bytes are not a whole number of items of {item} bytes")]
+    Part {
+        /// The number of bytes.
+        bytes: usize,
+        /// The bytes of an item.
+        item: usize,
+    },
     /// More items than a frame may have.
     #[error("{frame} has more than {most} items, the most that a frame may have here")]
     TooMany {

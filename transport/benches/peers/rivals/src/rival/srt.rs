@@ -53,7 +53,7 @@ struct Machine {
     peer: SocketAddr,
     /// When it wants to be called.
     wake: Duration,
-    /// What has come, or is to be sent.
+    /// Data that has come, or is to be sent.
     inputs: Vec<Input>,
 }
 

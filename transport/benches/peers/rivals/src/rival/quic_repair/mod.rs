@@ -31,7 +31,7 @@ use sending::Sending;
 const PORT: u16 = 7400;
 /// The window at first, which has room for a frame and its repair.
 pub(super) const FIRST_WINDOW: u64 = 32 * 1452;
-/// What may wait in quinn: several frames.
+/// The bytes that may wait in quinn: several frames.
 const BUFFER: usize = 1 << 20;
 
 /// The most that quinn counts of an empty buffer.

@@ -46,7 +46,7 @@ impl Shard {
 /// All shards of a frame are judged.
 pub(super) const ALL: u8 = u8::MAX;
 
-/// What has come of a frame.
+/// The parts of a frame that have come.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Report {
     /// A bit for each shard that has come; all bits where the frame is done.
