@@ -908,7 +908,8 @@ local function chunk(r, tvb, tree, pinfo, key)
     tree:add(u.unread_blocks, tvb(start, 1))
     return "unread blocks"
   elseif code == 0x0c then
-    -- The sizes of a channel's values are its application's, and Trimaran has no channels: no chunk behind this can be read.
+    -- The sizes of a channel's values are its application's, and Trimaran has no channels.
+    -- So no chunk behind this one can be read.
     error(SHORT)
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)

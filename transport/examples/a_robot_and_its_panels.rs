@@ -1,4 +1,4 @@
-//! A robot with an IMU, an odometer and two lidars shows three panels what it senses. It gets goals from them.
+//! A robot with an IMU, an odometer and two lidars shows three panels what it senses, and gets goals.
 //! One panel is slow, one is killed and started again.
 //!
 //!     cargo run -p trimaran-transport --features zerocopy --example a_robot_and_its_panels -- ENDPOINT

@@ -14,7 +14,7 @@ use super::file::{Der, KeysError};
 /// The name in a certificate. It has no meaning: peers know each other by fingerprint.
 const COMMON_NAME: &str = "trimaran";
 
-/// What this peer proves its identity with over QUIC.
+/// The certificate and key by which this peer proves its identity over QUIC.
 #[derive(Clone)]
 pub(crate) struct QuicIdentity {
     pub(crate) certified: Arc<CertifiedKey>,

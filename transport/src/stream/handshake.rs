@@ -67,7 +67,7 @@ impl Connection {
 }
 
 impl Connection {
-    /// The halves of a channel, and its sign of life.
+    /// The halves of a channel, and the object that sends its keep-alives.
     fn into_channel(
         self,
         net: &Arc<dyn Net>,
