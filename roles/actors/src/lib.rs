@@ -36,7 +36,8 @@
 //! | `peers`, `join`, `meeting` | how roles find each other, and reconnect |
 //! | `supply` | geometry for displays that hold no scene |
 //! | `service`, `local` | a culler as a service; all roles in one process |
-//! | `limits`, `shared_sets` | the limits of sessions, and the sets that they share |
+//! | `limits` | the limits of sessions |
+//! | `sharing`, `shared_sets` | objects that sessions share: visible sets, packed geometry |
 //! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
 //! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
 
@@ -54,6 +55,7 @@ mod peers;
 mod service;
 mod shared_sets;
 mod shares;
+mod sharing;
 mod stop;
 mod supply;
 mod turn;
@@ -77,8 +79,8 @@ pub use local::{LocalCullers, LocalSession};
 pub use meeting::{Expected, Meeting};
 pub use peers::{Arrival, Peers, PeersConfig, SlotGuard};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
-pub use shared_sets::SharedSets;
+pub use sharing::Sharing;
 pub use stop::{Stop, Stopper};
-pub use supply::{AheadUse, SupplyError, SupplyFault};
+pub use supply::{AheadUse, PackingCounts, SupplyError, SupplyFault};
 pub use turn::Turns;
 pub use work::{CulledFrame, Gaps, OccluderPolicy, SceneCulling, ScenePictures};

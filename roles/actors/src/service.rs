@@ -18,7 +18,7 @@ use crate::{
     links::{Link, Listener},
     meeting::{Expected, Meeting},
     peers::{Arrival, Peers, PeersConfig, SlotGuard},
-    shared_sets::SharedSets,
+    sharing::Sharing,
     stop::Stop,
     turn::Turns,
 };
@@ -55,7 +55,7 @@ pub struct CullerService {
     others: Options,
     expected: Expected,
     endpoints: Option<Endpoints>,
-    sets: SharedSets,
+    sharing: Sharing,
 }
 
 /// Where a culler finds its displays.
@@ -85,8 +85,8 @@ pub struct NewSession {
     pub meeting: Meeting,
     /// The display's slot at this culler, free on drop.
     pub slot: SlotGuard,
-    /// The sets of the service's sessions.
-    pub sets: SharedSets,
+    /// Objects that the service's sessions share.
+    pub sharing: Sharing,
 }
 
 impl CullerService {
@@ -110,14 +110,20 @@ impl CullerService {
         let sought = PeersConfig { identity, role: Role::Display, endpoints: displays, listener, most };
         let displays = Peers::seek_and_expect(net, sought, expected.clone());
         let (net, cullers) = (Arc::clone(net), cullers.into());
-        let sets = SharedSets::default();
-        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints, sets })
+        let sharing = Sharing::default();
+        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints, sharing })
     }
 
     /// Its endpoints, with the ports that the system chose.
     #[must_use]
     pub const fn endpoints(&self) -> Option<&Endpoints> {
         self.endpoints.as_ref()
+    }
+
+    /// Objects that its sessions share.
+    #[must_use]
+    pub const fn sharing(&self) -> &Sharing {
+        &self.sharing
     }
 
     /// The next display that comes. Dropping the future loses none.
@@ -137,8 +143,8 @@ impl CullerService {
                 cullers: Arc::clone(&self.cullers),
                 expected: self.expected.clone(),
             };
-            let sets = self.sets.clone();
-            return Ok(NewSession { key, settings, display: link, meeting, slot, sets });
+            let sharing = self.sharing.clone();
+            return Ok(NewSession { key, settings, display: link, meeting, slot, sharing });
         }
     }
 }
@@ -170,9 +176,9 @@ impl NewSession {
         };
         match stop.unless_requested(opened).await.unwrap_or(Err(RoleError::Stopped)) {
             Ok((lease, work)) => {
-                let Self { display, meeting, slot: _slot, sets, .. } = self;
+                let Self { display, meeting, slot: _slot, sharing, .. } = self;
                 let (turns, scene) = (turns.clone(), scene.map(Arc::clone));
-                let role = CullerRole { work, display, meeting, turns, drawables, scene, lease, sets };
+                let role = CullerRole { work, display, meeting, turns, drawables, scene, lease, sharing };
                 role.run(stop).await
             }
             Err(error) => self.turn_away(error, stop).await,

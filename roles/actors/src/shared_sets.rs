@@ -12,7 +12,7 @@ const KEPT: usize = 64;
 /// The last sets that the sessions of a service have culled. A set is right for every display that looks from
 /// the same pose with an equal view state, whatever occluders it was culled with. Clones are the same object.
 #[derive(Debug, Clone, Default)]
-pub struct SharedSets(Arc<Shared>);
+pub(crate) struct SharedSets(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {

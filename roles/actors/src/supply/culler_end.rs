@@ -18,7 +18,10 @@ use trimaran_proto::{Demand, DrawableId, ViewState, items};
 use trimaran_scene::Scene;
 use trimaran_transport::{Bulk, Instant, Net};
 
-use super::supplier::{Supplier, SupplyFault};
+use super::{
+    packed::Packed,
+    supplier::{Supplier, SupplyFault},
+};
 
 /// The most frames kept for the task.
 const FRAMES: usize = 64;
@@ -66,7 +69,7 @@ struct Found {
 
 impl CullerEnd {
     /// Begins to serve the display at the other end of `bulk`.
-    pub(crate) fn start(net: &Arc<dyn Net>, bulk: Bulk, scene: &Arc<Scene>) -> Self {
+    pub(crate) fn start(net: &Arc<dyn Net>, bulk: Bulk, scene: &Arc<Scene>, packed: &Packed) -> Self {
         let shared = Arc::new(Shared {
             news: Mutex::default(),
             told: Notify::new(),
@@ -76,7 +79,7 @@ impl CullerEnd {
             most: scene.drawables().len(),
         });
         let ((stop, stopped), (gives, over)) = (oneshot::channel(), oneshot::channel());
-        let (supplier, clock) = (Supplier::new(scene), Arc::clone(net));
+        let (supplier, clock) = (Supplier::new(scene, packed), Arc::clone(net));
         let end = Arc::clone(&shared);
         net.spawn(Box::pin(async move {
             let mut bulk = bulk;

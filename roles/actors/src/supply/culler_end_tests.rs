@@ -81,7 +81,7 @@ fn pair(net: &Arc<dyn Net>) -> (CullerEnd, Bulk) {
     let config = LinkConfig::default().with_max_frame(PLANT.drawables().len() as u32);
     let links = inproc::pair::<Walkthrough>(net, identity(Role::Culler), identity(Role::Display), &config);
     let (culler, display) = links.unwrap();
-    let end = CullerEnd::start(net, culler.bulk.unwrap(), &PLANT);
+    let end = CullerEnd::start(net, culler.bulk.unwrap(), &PLANT, &Packed::default());
     end.change_view(&Arc::new(settings.into()));
     (end, display.bulk.unwrap())
 }

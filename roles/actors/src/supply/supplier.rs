@@ -6,12 +6,13 @@ use bytes::Bytes;
 use thiserror::Error;
 use trimaran_cull::{CutRule, View};
 use trimaran_proto::{BulkError, Demand, DrawableId, FrameNumber, NumberList, Supply, ViewState, put_item};
-use trimaran_scene::{DrawableEntry, ReadError, Scene, pack_entries};
+use trimaran_scene::{DrawableEntry, ReadError, Scene};
 use trimaran_transport::{Instant, MAX_BLOCK, SendError};
 
 use super::{
     ahead::Ahead,
     held::Held,
+    packed::Packed,
     queue::{Purpose, Queue},
     stand_ins::StandIns,
     window::{NotSent, Window},
@@ -59,6 +60,7 @@ pub enum SupplyFault {
 #[derive(Debug)]
 pub(crate) struct Supplier {
     scene: Arc<Scene>,
+    packed: Packed,
     /// The rule for levels of detail; none before the first view state came.
     rule: Option<CutRule>,
     /// Whether the display has requested anything.
@@ -99,9 +101,10 @@ struct Piece {
 }
 
 impl Supplier {
-    pub(crate) fn new(scene: &Arc<Scene>) -> Self {
+    pub(crate) fn new(scene: &Arc<Scene>, packed: &Packed) -> Self {
         Self {
             scene: Arc::clone(scene),
+            packed: packed.clone(),
             rule: None,
             has_begun: false,
             coarser_first: false,
@@ -319,7 +322,7 @@ impl Supplier {
         if self.ready.is_empty()
             && let Some(number) = self.pieces.pop_front()
         {
-            let bytes = Bytes::from(self.scene.packed_geometry(number).map_err(SupplyFault::Scene)?);
+            let bytes = self.packed.piece(&self.scene, number).map_err(SupplyFault::Scene)?;
             self.piece = Some(Piece { number, bytes, sent: 0 });
         }
         Ok(())
@@ -337,8 +340,7 @@ impl Supplier {
             taken += 1;
             self.take(id, &mut entries)?;
         }
-        self.pack_in_order(entries);
-        Ok(())
+        self.pack_in_order(entries)
     }
 
     /// Prepares geometry ahead of need, while next to nothing is in flight.
@@ -358,8 +360,7 @@ impl Supplier {
             let geometries = NumberList::of(numbers);
             self.ready.push_back((Supply::Ahead { geometries }, Vec::new()));
         }
-        self.pack_in_order(entries);
-        Ok(())
+        self.pack_in_order(entries)
     }
 
     /// Prepares the missing parts of a drawable. Returns the piece of geometry, if that is to be sent.
@@ -376,26 +377,27 @@ impl Supplier {
         Ok(Some(entry.geometry))
     }
 
-    fn pack_in_order(&mut self, mut entries: Vec<DrawableEntry>) {
+    fn pack_in_order(&mut self, mut entries: Vec<DrawableEntry>) -> Result<(), SupplyFault> {
         // Sorted records pack better.
         entries.sort_unstable_by_key(|entry| entry.id);
-        self.pack(&entries);
+        self.pack(&entries)
     }
 
     /// Packs records, in as many items as fit into a block each.
-    fn pack(&mut self, entries: &[DrawableEntry]) {
+    fn pack(&mut self, entries: &[DrawableEntry]) -> Result<(), SupplyFault> {
         if entries.is_empty() {
-            return;
+            return Ok(());
         }
-        let packed = Bytes::from(pack_entries(entries));
+        let packed = self.packed.records(entries).map_err(SupplyFault::Scene)?;
         if packed.len() + PART_HEAD > MAX_BLOCK && entries.len() > 1 {
             let (first, second) = entries.split_at(entries.len() / 2);
-            self.pack(first);
-            self.pack(second);
+            self.pack(first)?;
+            self.pack(second)?;
         } else {
             let ending = entries.iter().map(|entry| Ending::Record(entry.id)).collect();
             self.ready.push_back((Supply::Entries { packed }, ending));
         }
+        Ok(())
     }
 
     /// Puts as much of the piece into the block as fits. Returns false if nothing does.

@@ -56,7 +56,7 @@ struct Came {
 
 impl Pair {
     fn new(scene: &Arc<Scene>) -> Self {
-        let mut new = Self { supplier: Supplier::new(scene), taken: 0 };
+        let mut new = Self { supplier: Supplier::new(scene, &Packed::default()), taken: 0 };
         new.hear(Demand::Begin { coarser_first: false, ahead: 0 });
         new
     }
@@ -160,7 +160,7 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
     let rule = LodRule::new(2.0).unwrap();
     let view = view_at(outside(), 0.0, 0, 2048);
     let cut = lod_cut(&PLANT, &view, rule);
-    let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+    let mut pair = Pair { supplier: Supplier::new(&PLANT, &Packed::default()), taken: 0 };
     pair.supplier.change_view(&Settings::new(view.viewport(), rule).into());
     pair.hear(Demand::Begin { coarser_first: true, ahead: 0 });
     pair.supplier.found(&view, &cut, NOW);
@@ -193,7 +193,7 @@ fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_with
     let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
     let others: Vec<_> = all.filter(|id| !cuts.contains(id)).take(10).collect();
     let sent_ahead = |budget| {
-        let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+        let mut pair = Pair { supplier: Supplier::new(&PLANT, &Packed::default()), taken: 0 };
         pair.supplier.change_view(&Settings::new(seen(0, 0.0).viewport(), rule).into());
         pair.hear(Demand::Begin { coarser_first: false, ahead: budget });
         let (mut before, mut last) = (Vec::new(), Vec::new());
@@ -266,7 +266,7 @@ fn instances_share_their_geometry() {
 
 #[test]
 fn nothing_is_sent_before_the_display_asks() {
-    let mut supplier = Supplier::new(&PLANT);
+    let mut supplier = Supplier::new(&PLANT, &Packed::default());
     supplier.found(&view(0), &ids(0..9), NOW);
     assert_eq!(supplier.next_block(NOW).unwrap(), None);
     supplier.hear(Demand::Begin { coarser_first: false, ahead: 0 }, NOW).unwrap();
@@ -277,7 +277,7 @@ fn nothing_is_sent_before_the_display_asks() {
 #[test]
 fn what_the_newest_frame_before_the_request_found_is_sent_but_what_the_display_holds() {
     let all = unlike(30);
-    let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+    let mut pair = Pair { supplier: Supplier::new(&PLANT, &Packed::default()), taken: 0 };
     pair.supplier.found(&view(0), &all[..10], NOW);
     pair.supplier.found(&view(1), &all[10..20], NOW);
     pair.supplier.found(&view(1), &all[20..], NOW);
@@ -523,7 +523,7 @@ struct World {
 
 impl World {
     fn new(coarser_first: bool) -> Self {
-        let mut supplier = Supplier::new(&PLANT);
+        let mut supplier = Supplier::new(&PLANT, &Packed::default());
         supplier.change_view(&Settings::new(view(0).viewport(), LodRule::new(1.0).unwrap()).into());
         let empty = Arc::new(Scene::empty(PLANT.outline()));
         Self {

@@ -7,6 +7,7 @@ mod common;
 mod dealer;
 mod faults;
 mod meetings;
+mod packing;
 mod rest;
 mod sessions;
 mod supply;

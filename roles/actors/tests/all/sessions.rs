@@ -9,7 +9,7 @@ use std::{
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Expected, FrameEvent, LimitError, Link, Meeting, NewSession, RoleError, SceneCulling, SessionLimits,
-    SharedSets, SlotGuard, Stop, Stopper, Turns, max_frame,
+    Sharing, SlotGuard, Stop, Stopper, Turns, max_frame,
 };
 use trimaran_proto::{
     Camera, CloseCode, DrawableId, FrameNumber, Role, SessionKey, Settings, ViewState, ViewVersion, Viewport,
@@ -19,7 +19,7 @@ use trimaran_transport::{Net, Options, RecvError, TokioNet};
 
 use crate::common::{Broken, Device, Fault, Task};
 
-const SIDE: u32 = 64;
+pub(crate) const SIDE: u32 = 64;
 /// Bytes of depth of a session with such a picture.
 const DEPTH: u64 = 14 * (SIDE * SIDE) as u64;
 
@@ -27,10 +27,10 @@ const DEPTH: u64 = 14 * (SIDE * SIDE) as u64;
 static EYE: OnceLock<[f64; 3]> = OnceLock::new();
 
 /// A service, with the test playing its sessions and displays.
-struct Service {
-    runtime: Runtime,
+pub(crate) struct Service {
+    pub(crate) runtime: Runtime,
     net: Arc<dyn Net>,
-    scene: Arc<Scene>,
+    pub(crate) scene: Arc<Scene>,
     turns: Turns,
     limits: SessionLimits,
 }
@@ -46,7 +46,7 @@ const HONEST: PictureSizes = PictureSizes { side: SIDE, later: SIDE };
 
 impl Service {
     /// Of pictures of `SIDE`, with memory for this many sessions.
-    fn of(sessions: u64) -> Self {
+    pub(crate) fn of(sessions: u64) -> Self {
         let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let scene = crate::common::small_scene();
@@ -59,7 +59,7 @@ impl Service {
         Self { runtime, net, scene, turns: Turns::fair(), limits }
     }
 
-    fn session(&self, side: u32) -> (NewSession, Link) {
+    pub(crate) fn session(&self, side: u32) -> (NewSession, Link) {
         let settings = crate::common::settings(side, 2.0);
         let (display, far) = crate::common::link(&self.net, &self.scene, Role::Culler, Role::Display);
         let meeting = Meeting {
@@ -70,15 +70,26 @@ impl Service {
             cullers: Arc::default(),
             expected: Expected::default(),
         };
-        let (key, slot, sets) = (SessionKey(1), SlotGuard::once(), SharedSets::default());
-        (NewSession { key, settings, display, meeting, slot, sets }, far)
+        let (key, slot, sharing) = (SessionKey(1), SlotGuard::once(), Sharing::default());
+        (NewSession { key, settings, display, meeting, slot, sharing }, far)
     }
 
     /// Plays a session on such a device; returns its end.
-    fn play(&self, session: NewSession, device: Device, stop: &Stop) -> Result<(), RoleError> {
+    pub(crate) fn play(&self, session: NewSession, device: Device, stop: &Stop) -> Result<(), RoleError> {
+        self.supply(session, device, None, stop)
+    }
+
+    /// The same for a display that may hold no scene.
+    pub(crate) fn supply(
+        &self,
+        session: NewSession,
+        device: Device,
+        scene: Option<&Arc<Scene>>,
+        stop: &Stop,
+    ) -> Result<(), RoleError> {
         let work = |settings: &Settings| Ok(SceneCulling::new(&self.scene, device, settings, &self.turns));
         let drawables = max_frame(&self.scene);
-        self.runtime.block_on(session.play(work, &self.turns, drawables, None, &self.limits, stop))
+        self.runtime.block_on(session.play(work, &self.turns, drawables, scene, &self.limits, stop))
     }
 
     /// How a session with these requests ends, with the close and the frames that its display received.
@@ -112,7 +123,7 @@ impl Service {
     }
 }
 
-fn camera(frame: u32, version: u32) -> Camera {
+pub(crate) fn camera(frame: u32, version: u32) -> Camera {
     let camera =
         Camera::new(*EYE.get().unwrap(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
     camera.in_view(ViewVersion(version))
@@ -208,7 +219,7 @@ fn only_a_device_that_is_lost_or_hangs_is_the_end_of_the_process() {
 }
 
 /// The ids of the frame for this camera.
-async fn asks(link: &mut Link, camera: Camera) -> Vec<DrawableId> {
+pub(crate) async fn asks(link: &mut Link, camera: Camera) -> Vec<DrawableId> {
     link.latest_tx.publish(camera).unwrap();
     let mut ids = Vec::new();
     loop {
@@ -224,10 +235,10 @@ async fn asks(link: &mut Link, camera: Camera) -> Vec<DrawableId> {
 #[test]
 fn displays_of_one_view_are_culled_for_once() {
     let service = Service::of(100);
-    let sets = SharedSets::default();
+    let sharing = Sharing::default();
     let [(first, mut here), (second, mut there)] = [(); 2].map(|()| {
         let (session, far) = service.session(SIDE);
-        (NewSession { sets: sets.clone(), ..session }, far)
+        (NewSession { sharing: sharing.clone(), ..session }, far)
     });
     let (stopper, stop) = Stop::new();
     let broken = Device::failing(Task::Begin, 0, Fault::Fails(Broken::NoMemory));

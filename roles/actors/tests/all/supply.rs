@@ -18,7 +18,7 @@ use parking_lot::Mutex;
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
     Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, SessionLimits, SharedSets, ShownFrame, SlotGuard, Stop, Supplied, Turns,
+    ScenePictures, Schedule, SessionLimits, Sharing, ShownFrame, SlotGuard, Stop, Supplied, Turns,
     WhileLoading, max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
@@ -579,7 +579,7 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
         drawables: max_frame(&PLANT),
         scene: Some(Arc::clone(&PLANT)),
         lease: SessionLimits::none().lease(settings().viewport).unwrap(),
-        sets: SharedSets::default(),
+        sharing: Sharing::default(),
     };
     // The display ends the session.
     let _ended = role.run(stop).await;

@@ -31,7 +31,7 @@ use crate::{
     limits::Lease,
     links::{FrameStart, Link},
     meeting::Meeting,
-    shared_sets::SharedSets,
+    sharing::Sharing,
     stop::Stop,
     supply::CullerEnd,
     turn::Turns,
@@ -57,8 +57,8 @@ pub struct CullerRole<W> {
     pub scene: Option<Arc<Scene>>,
     /// The session's part of the limits. Behind the work, whose memory must be freed first.
     pub lease: Lease,
-    /// The sets of the service's sessions.
-    pub sets: SharedSets,
+    /// Objects that the service's sessions share.
+    pub sharing: Sharing,
 }
 
 impl<W: CullerWork> CullerRole<W> {
@@ -73,14 +73,14 @@ impl<W: CullerWork> CullerRole<W> {
         let turn = Rc::new(self.turns.of_a_role());
         let (net, scene) = (&self.meeting.net, &self.scene);
         let bulk = scene.as_ref().and_then(|scene| Some((scene, self.display.bulk.take()?)));
-        let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene));
+        let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene, &self.sharing.packed));
         let mut session = Session {
             work: InTurn::new(self.work, &turn),
             inbox: Inbox::new(self.meeting, self.drawables),
             display: self.display,
             lease: self.lease,
             clock: self.turns.clock(),
-            sets: self.sets,
+            sharing: self.sharing,
             supply,
             sent: FrameNumber(0),
             view: ViewVersion(0),
@@ -102,7 +102,7 @@ struct Session<W> {
     inbox: Inbox,
     display: Link,
     clock: Stopwatch,
-    sets: SharedSets,
+    sharing: Sharing,
     supply: Option<CullerEnd>,
     /// The number of the next frame on the display's link.
     sent: FrameNumber,
@@ -165,7 +165,7 @@ impl<W: CullerWork> Session<W> {
             let occluders_of = self.occlude(camera).await?;
             self.send(camera, Source::Culled { occluders_of }).await?;
             if let Some((_, ids)) = &self.last {
-                self.sets.put(camera, &state, ids);
+                self.sharing.sets.put(camera, &state, ids);
             }
         }
     }
@@ -178,13 +178,13 @@ impl<W: CullerWork> Session<W> {
         }
         let mut turn = pin!(self.work.wait_for_turn());
         loop {
-            let next = self.sets.next();
-            if let Some(set) = self.sets.get(camera, state) {
+            let next = self.sharing.sets.next();
+            if let Some(set) = self.sharing.sets.get(camera, state) {
                 return Some(set);
             }
             tokio::select! {
                 biased;
-                () = &mut turn => return self.sets.get(camera, state),
+                () = &mut turn => return self.sharing.sets.get(camera, state),
                 () = next => {}
             }
         }
