@@ -126,6 +126,7 @@ mod tests {
     /// The work of packing a scene's geometry for several displays, against that for one of them.
     #[test]
     #[ignore = "a measurement: --release --nocapture"]
+    #[allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
     fn packing_for_many_costs_as_for_one() {
         const TRIES: usize = 9;
         let scene = &*crate::supply::testing::PLANT;
