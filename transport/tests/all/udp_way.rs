@@ -241,23 +241,27 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let options = shared(1).with_link(link);
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
-    let mut answers = 0;
-    let first = tokio::select! {
+    let (first, unanswered) = tokio::select! {
         _ = connect(&net, &through, greeting(PANEL), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
         first = relay.keep_the_answer() => first,
     };
     for _ in 0..100 {
         relay.inside.send(&first).await.unwrap();
     }
-    let mut buffer = vec![0; 2000];
+    let (mut answers, mut closes, mut buffer) = (0, 0, vec![0; 2000]);
     while until(&*net, net.now().after(Duration::from_millis(50)), relay.inside.recv(&mut buffer))
         .await
         .is_some()
     {
-        answers += 1;
-        assert!(buffer[0] & 3 == 3 || buffer[0] & 3 == 0, "an answer or a close");
+        match buffer[0] & 3 {
+            3 => answers += 1,
+            0 => closes += 1,
+            form => panic!("a packet of form {form} is neither an answer nor a close"),
+        }
     }
-    assert!(answers <= 100, "{answers} answers");
+    // On a busy machine the peer itself repeats its first packet, and the handshake ends before the copies do.
+    assert!(answers <= 100 + unanswered, "{answers} answers to 100 copies and {unanswered} packets before");
+    assert!(closes <= 1, "{closes} closes");
     let failure = last_failure(&mut listener).await;
     assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
     a_panel_gets_in(&mut listener, &at, &options).await;
@@ -272,7 +276,7 @@ async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let options = shared(1).with_link(link);
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
-    let first = tokio::select! {
+    let (first, _) = tokio::select! {
         _ = connect(&net, &through, greeting(PANEL), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
         first = relay.keep_the_answer() => first,
     };
@@ -281,9 +285,11 @@ async fn a_first_packet_that_somebody_repeats_takes_no_place() {
 }
 
 impl Relay {
-    /// Passes on a handshake except for the listener's last packet; returns the packet that it answered.
-    async fn keep_the_answer(&mut self) -> Vec<u8> {
+    /// Passes on a handshake except for the listener's last packet; returns the packet that it answered, and
+    /// how many of those passed on may still be answered.
+    async fn keep_the_answer(&mut self) -> (Vec<u8>, usize) {
         let (mut a, mut b, mut last) = (vec![0; 2000], vec![0; 2000], Vec::new());
+        let mut unanswered = 0;
         loop {
             tokio::select! {
                 got = self.outside.recv_from(&mut a) => {
@@ -291,11 +297,13 @@ impl Relay {
                     self.peer = Some(from);
                     last = a[..length].to_vec();
                     self.inside.send(&last).await.unwrap();
+                    unanswered += 1;
                 }
                 got = self.inside.recv(&mut b) => {
                     let length = got.unwrap();
+                    unanswered -= 1;
                     if b[0] & 3 == 3 {
-                        return last;
+                        return (last, unanswered);
                     }
                     self.outside.send_to(&b[..length], self.peer.unwrap()).await.unwrap();
                 }
