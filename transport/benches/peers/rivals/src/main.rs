@@ -24,7 +24,6 @@ use clap::{Parser, ValueEnum};
 
 use outcome::{Cell, HEADER};
 use paths::Path;
-use rival::Rival;
 
 /// Frames over networks that lose packets, in virtual time.
 #[derive(Debug, Parser)]
@@ -48,10 +47,8 @@ struct Options {
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    let named = |rival: &Box<dyn Rival>| {
-        options.rival.is_empty() || options.rival.iter().any(|word| rival.name().contains(word))
-    };
-    let rivals: Vec<_> = rival::all().into_iter().filter(named).collect();
+    let named = |name: &str| options.rival.is_empty() || options.rival.iter().any(|word| name.contains(word));
+    let rivals: Vec<_> = rival::all().into_iter().filter(|rival| named(rival.name())).collect();
     if let Some(times) = options.loopback {
         return loopback::table(&rivals, times, options.frames);
     }

@@ -40,11 +40,10 @@ impl OwnLink {
 
     fn options(&self) -> Result<[Options; 2]> {
         let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
-        let repair_percent = self.repair_percent;
-        let with = |own: &Keys, peer: &Keys| Options {
-            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
-            udp: UdpOptions { trust: Trust::Keys, repair_percent, ..UdpOptions::default() },
-            ..Options::default()
+        let udp = UdpOptions::default().with_trust(Trust::Keys).with_repair_percent(self.repair_percent);
+        let with = |own: &Keys, peer: &Keys| {
+            let security = Security { keys: own.clone(), peers: vec![peer.public().clone().into()] };
+            Options::default().with_security(security).with_udp(udp.clone())
         };
         Ok([with(&a, &b), with(&b, &a)])
     }
