@@ -26,6 +26,7 @@
 //! |---|---|
 //! | `time` | [`Instant`], a point in the time of one network |
 //! | `net` | [`Net`], timers, byte streams, and how to wait |
+//! | `congestion` | [`CongestionSigns`], for connections with a congestion control of their own |
 //! | `tcp`, `unix`, `udp` | options of sockets, facts about peers, and datagrams in batches |
 //! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
 //! | `quinn` | QUIC endpoints of quinn on any [`Net`], behind the feature `quinn` |
@@ -50,6 +51,7 @@ macro_rules! setters {
 
 #[cfg(feature = "config")]
 pub mod config;
+mod congestion;
 mod net;
 #[cfg(feature = "quinn")]
 pub mod quinn;
@@ -60,6 +62,7 @@ mod tokio_net;
 mod udp;
 mod unix;
 
+pub use congestion::CongestionSigns;
 pub use net::{
     BoxFuture, BoxReader, BoxWriter, Listen, Net, Stream, StreamPeer, Timer, random_bytes, sleep_until, until,
 };

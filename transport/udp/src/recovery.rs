@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_net::Instant;
+use trimaran_net::{CongestionSigns, Instant};
 
 use crate::congestion::Window;
 use crate::packet::PacketNumber;
@@ -63,6 +63,7 @@ pub(crate) struct Recovery {
     /// More than [`ROW`] packets were in flight when the last probes left.
     unanswered: bool,
     loss: LossShare,
+    signs: CongestionSigns,
     max_ack_delay: Duration,
     /// A spare buffer for the next acknowledgement.
     spare: Vec<Content>,
@@ -89,6 +90,7 @@ impl Recovery {
             probes: 0,
             unanswered: false,
             loss: LossShare::new(),
+            signs: CongestionSigns::new(),
             max_ack_delay,
             spare: Vec::new(),
             sampled: None,
@@ -145,6 +147,11 @@ impl Recovery {
         self.progress.filter(|_| self.in_flight() > 0)
     }
 
+    /// There is nothing more to send.
+    pub(crate) fn on_out_of_data(&mut self) {
+        self.signs.on_out_of_data();
+    }
+
     /// The packet with the next number was sent; `eliciting` is `None` if it asks for no acknowledgement.
     /// Returns the contents of a packet that counts as lost because the records are full.
     pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Contents {
@@ -179,7 +186,9 @@ impl Recovery {
                 self.visited += 1;
                 let Some(sent) = self.flight.forget(number) else { continue };
                 if number == largest {
-                    self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
+                    let took = now.since(sent.at);
+                    self.rtt.sample(took, delay.min(self.max_ack_delay));
+                    self.signs.on_round_trip(took);
                     self.sampled.get_or_insert(now);
                 }
                 self.probes = 0;
@@ -187,6 +196,7 @@ impl Recovery {
                 self.progress = Some(now);
                 if !sent.is_probe() {
                     self.loss.on_arrived();
+                    self.signs.on_arrived();
                 }
                 self.window.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
                 verdict.arrived.extend(sent.contents);
@@ -271,6 +281,7 @@ impl Recovery {
             if !sent.is_probe() {
                 self.lost_packets += 1;
                 self.loss.on_lost();
+                self.signs.on_lost();
                 last = Some(sent.at);
                 if self.sampled.is_some_and(|sampled| sampled <= sent.at) {
                     longest = longest.max(sent.at.since(*since.get_or_insert(sent.at)));
@@ -279,12 +290,13 @@ impl Recovery {
             verdict.lost.extend(sent.contents);
         }
         let Some(last) = last else { return };
-        if self.loss.is_congestion() || self.rtt.queues() {
+        if self.signs.are_there() {
             self.window.on_loss(now, last);
         }
         if acked.is_some() && longest > self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT {
             self.window.on_persistent_congestion();
             self.rtt.forget_minimum();
+            self.signs.forget_round_trips();
         }
     }
 }
@@ -403,7 +415,7 @@ mod tests {
         assert_eq!((recovery.lost_packets, recovery.window.window()), (1, 10_000));
         assert!((recovery.probable_loss() - 1.0 / 64.0).abs() < 1e-3, "as if one of the first 64 were lost");
         let mut ms = 100;
-        while !recovery.loss.is_congestion() {
+        while !recovery.signs.are_there() {
             assert_eq!(recovery.window.window(), 10_000);
             lose_one(&mut recovery, ms);
             ms += 100;

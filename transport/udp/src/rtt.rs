@@ -9,12 +9,6 @@ pub(crate) const GRANULARITY: Duration = Duration::from_millis(1);
 /// a lost first packet cost a second.
 const INITIAL: Duration = Duration::from_millis(100);
 
-/// The time that timers and late acknowledgements add to a round trip without any queue.
-const SLACK: Duration = Duration::from_millis(3);
-
-/// How many round trips distinguish a queue from a busy machine.
-const FEW: u32 = 32;
-
 /// The longest guess, which is the initial round trip of RFC 9002 (section 6.2.2): a first packet may have
 /// been lost.
 const LONGEST_GUESS: Duration = Duration::from_millis(333);
@@ -33,36 +27,6 @@ struct Measured {
     smoothed: Duration,
     variation: Duration,
     minimum: Duration,
-    lately: Lately,
-}
-
-/// The shortest of the last few round trips: a standing queue makes all of them longer, a busy machine only
-/// some.
-#[derive(Debug, Clone, Copy)]
-struct Lately {
-    /// Before the newest few round trips, and of the newest few.
-    before: Duration,
-    now: Duration,
-    count: u32,
-}
-
-impl Lately {
-    const fn new(first: Duration) -> Self {
-        Self { before: Duration::MAX, now: first, count: 1 }
-    }
-
-    fn sample(&mut self, latest: Duration) {
-        if self.count == FEW {
-            *self = Self { before: self.now, ..Self::new(latest) };
-        } else {
-            self.now = self.now.min(latest);
-            self.count += 1;
-        }
-    }
-
-    fn shortest(&self) -> Duration {
-        self.before.min(self.now)
-    }
 }
 
 impl Default for Rtt {
@@ -80,15 +44,12 @@ impl Rtt {
     /// Takes a sample; the peer delayed the acknowledgement by `delay`.
     pub(crate) fn sample(&mut self, latest: Duration, delay: Duration) {
         let Some(rtt) = &mut self.measured else {
-            let lately = Lately::new(latest);
-            let measured =
-                Measured { latest, smoothed: latest, variation: latest / 2, minimum: latest, lately };
-            self.measured = Some(measured);
+            self.measured =
+                Some(Measured { latest, smoothed: latest, variation: latest / 2, minimum: latest });
             return;
         };
         rtt.latest = latest;
         rtt.minimum = rtt.minimum.min(latest);
-        rtt.lately.sample(latest);
         // A delay that would push the sample below the minimum is ignored.
         let sample = if latest >= rtt.minimum + delay { latest - delay } else { latest };
         rtt.variation = (rtt.variation * 3 + rtt.smoothed.abs_diff(sample)) / 4;
@@ -119,11 +80,6 @@ impl Rtt {
     /// The last measured round trip, and the shortest one, once there is any.
     pub(crate) fn latest_and_least(&self) -> Option<(Duration, Duration)> {
         self.measured.map(|rtt| (rtt.latest, rtt.minimum))
-    }
-
-    /// Whether packets queue somewhere on the path: all round trips take longer than they must.
-    pub(crate) fn queues(&self) -> bool {
-        self.measured.is_some_and(|rtt| rtt.lately.shortest() > rtt.minimum + (rtt.minimum / 4).max(SLACK))
     }
 
     /// How long after a later packet's acknowledgement an earlier one counts as lost.
@@ -167,20 +123,6 @@ mod tests {
         rtt.sample(10 * MS, Duration::ZERO);
         rtt.guess(20 * MS);
         assert_eq!(rtt.smoothed(), 10 * MS);
-    }
-
-    #[test]
-    fn a_queue_shows_in_longer_round_trips() {
-        let mut rtt = Rtt::default();
-        assert!(!rtt.queues());
-        rtt.sample(20 * MS, Duration::ZERO);
-        (0..50).for_each(|_| rtt.sample(24 * MS, Duration::ZERO));
-        assert!(!rtt.queues());
-        (0..2 * FEW).for_each(|_| rtt.sample(27 * MS, Duration::ZERO));
-        assert!(rtt.queues());
-        rtt.sample(22 * MS, Duration::ZERO);
-        (0..FEW).for_each(|_| rtt.sample(60 * MS, Duration::ZERO));
-        assert!(!rtt.queues(), "one that was quick shows that nothing stands in the way");
     }
 
     #[test]

@@ -27,6 +27,9 @@ impl Connection {
         let sent = self.write_chunks(now, &mut plain);
         let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
         self.plain = plain;
+        if !made && !self.has_data() {
+            self.recovery.on_out_of_data();
+        }
         made
     }
 

@@ -1,5 +1,7 @@
 //! The state that a new path keeps from the old one.
 
+use trimaran_net::CongestionSigns;
+
 use crate::congestion::Window;
 use crate::recovery::share::LossShare;
 use crate::recovery::{Contents, Recovery};
@@ -22,5 +24,6 @@ impl Recovery {
         self.sampled = None;
         self.window = Window::new(segment, initial);
         self.loss = LossShare::new();
+        self.signs = CongestionSigns::new();
     }
 }
