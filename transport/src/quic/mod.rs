@@ -6,6 +6,7 @@
 //! no newer one followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
 
 mod carrier;
+mod congestion;
 pub(crate) mod connect;
 pub(crate) mod control;
 mod datagrams;

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
-use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
+use quinn::{AckFrequencyConfig, IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
 use trimaran_wire::Format;
 
+use super::congestion::LossTolerantConfig;
 use super::datagrams;
 use crate::{LinkConfig, UdpSocketOptions};
 
@@ -16,6 +17,10 @@ const VALUES: usize = 16;
 const LANES: u32 = 4;
 /// The streams in both directions beside those of channels: control, messages, bulk.
 const STREAMS: u32 = 3;
+/// The window at first, bytes: 20 packets, so that a first frame of 16 kB need not wait for a round trip.
+const FIRST_WINDOW: u64 = 20 * 1452;
+/// The peer acknowledges each second packet at once, and any within this time.
+const ACK_DELAY: Duration = Duration::from_millis(1);
 
 /// Options of QUIC connections.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +28,7 @@ const STREAMS: u32 = 3;
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 #[non_exhaustive]
 pub struct QuicOptions {
-    /// The congestion control. Default cubic.
+    /// The congestion control. Default loss-tolerant.
     pub congestion: Congestion,
     /// The round trip assumed before it is measured: a third of the pause after which first packets are sent
     /// again. Default 100 ms.
@@ -65,8 +70,10 @@ impl QuicOptions {
 #[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Congestion {
-    /// CUBIC (RFC 9438), as in most TCP.
+    /// CUBIC that leaves the window alone at random losses, as `udp` does.
     #[default]
+    LossTolerant,
+    /// CUBIC (RFC 9438), as in most TCP.
     Cubic,
     /// BBR: based on measured bandwidth rather than on loss. Experimental in quinn.
     Bbr,
@@ -111,10 +118,26 @@ impl QuicOptions {
             .datagram_receive_buffer_size(Some(datagram * VALUES))
             .enable_segmentation_offload(self.segmentation)
             .mtu_discovery_config(self.mtu_discovery.then(MtuDiscoveryConfig::default));
+        let mut acks = AckFrequencyConfig::default();
+        acks.ack_eliciting_threshold(VarInt::from_u32(1)).max_ack_delay(Some(ACK_DELAY));
+        config.ack_frequency_config(Some(acks));
+        let mut cubic = CubicConfig::default();
+        cubic.initial_window(FIRST_WINDOW);
         match self.congestion {
-            Congestion::Cubic => config.congestion_controller_factory(Arc::new(CubicConfig::default())),
-            Congestion::Bbr => config.congestion_controller_factory(Arc::new(BbrConfig::default())),
-            Congestion::NewReno => config.congestion_controller_factory(Arc::new(NewRenoConfig::default())),
+            Congestion::LossTolerant => {
+                config.congestion_controller_factory(Arc::new(LossTolerantConfig(Arc::new(cubic))))
+            }
+            Congestion::Cubic => config.congestion_controller_factory(Arc::new(cubic)),
+            Congestion::Bbr => {
+                let mut bbr = BbrConfig::default();
+                bbr.initial_window(FIRST_WINDOW);
+                config.congestion_controller_factory(Arc::new(bbr))
+            }
+            Congestion::NewReno => {
+                let mut reno = NewRenoConfig::default();
+                reno.initial_window(FIRST_WINDOW);
+                config.congestion_controller_factory(Arc::new(reno))
+            }
         };
         Arc::new(config)
     }
@@ -134,6 +157,7 @@ mod tests {
     use crate::TokioNet;
     use crate::conformance::Robot;
     use crate::keys::Keys;
+    use crate::quic::congestion::LossTolerant;
     use crate::quic::connect::endpoint;
     use crate::quic::tls::{self, Verifier};
     use trimaran_net::{Net, sleep_until};
@@ -193,14 +217,19 @@ mod tests {
 
     #[tokio::test]
     async fn both_ends_have_the_congestion_control_that_was_asked_for() {
-        let all = [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno];
+        let all = [Congestion::LossTolerant, Congestion::Cubic, Congestion::Bbr, Congestion::NewReno];
         for congestion in all {
             let options = QuicOptions { congestion, ..QuicOptions::default() };
             for (connection, _) in connected(options, options, LinkConfig::default()).await {
                 let control = connection.congestion_state().into_any();
-                let found = (control.is::<Cubic>(), control.is::<Bbr>(), control.is::<NewReno>());
+                let found = [
+                    control.is::<LossTolerant>(),
+                    control.is::<Cubic>(),
+                    control.is::<Bbr>(),
+                    control.is::<NewReno>(),
+                ];
                 let asked = all.map(|it| it == congestion);
-                assert_eq!(<[bool; 3]>::from(found), asked, "{congestion:?}");
+                assert_eq!(found, asked, "{congestion:?}");
             }
         }
     }

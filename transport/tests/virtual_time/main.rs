@@ -10,5 +10,6 @@ mod idle;
 mod packets;
 mod quic;
 mod reconnecting;
+mod sharing;
 mod tcp;
 mod udp;
