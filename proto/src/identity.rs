@@ -15,6 +15,8 @@ pub enum Role {
     Culler,
     /// Renders the visible geometry (RVG), owns the camera and assigns frames to cullers.
     Display,
+    /// Stands between a culler and many displays: one display leads, and the others watch what it sees.
+    Relay,
 }
 
 impl fmt::Display for Role {
@@ -22,6 +24,7 @@ impl fmt::Display for Role {
         f.write_str(match self {
             Self::Culler => "culler",
             Self::Display => "display",
+            Self::Relay => "relay",
         })
     }
 }
@@ -46,7 +49,8 @@ pub struct Identity {
     /// The peer's scene. A display without one shows its cullers' scene.
     pub scene: Option<SceneOutline>,
     /// The session, and the display's settings for it. A display names its own, and a culler that connects to
-    /// another culler names theirs. A culler that serves any display names none.
+    /// another culler names theirs. A culler that serves any display names none, and a relay names none. A
+    /// display that names none watches: it sends no cameras, and shows the frames of another display.
     pub session: Option<(SessionKey, Settings)>,
 }
 
@@ -56,7 +60,7 @@ pub struct Identity {
 pub enum RejectionCode {
     /// The scenes differ.
     Scene = 1,
-    /// A display connected to a display, or a culler without a session to a culler.
+    /// A display connected to a display, a culler without a session to a culler, or a culler to a relay.
     Role = 3,
 }
 
@@ -85,6 +89,14 @@ impl Identity {
         }
         match (self.role, connector.role, connector.session) {
             (Role::Culler, Role::Culler, Some(_)) => Ok(()),
+            (Role::Relay, Role::Display, Some(_)) if connector.scene.is_none() => {
+                let why = "a relay passes on no geometry: give this display the scene";
+                Err(Rejection::new(RejectionCode::Scene as u16, why))
+            }
+            (Role::Relay, Role::Culler, _) | (_, Role::Relay, _) => {
+                let why = format!("a {} does not take a {}", self.role, connector.role);
+                Err(Rejection::new(RejectionCode::Role as u16, &why))
+            }
             (listener, connector, _) if listener == connector => {
                 let why = format!("the listener is a {listener} as well: connect displays with cullers");
                 Err(Rejection::new(RejectionCode::Role as u16, &why))

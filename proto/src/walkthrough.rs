@@ -2,7 +2,9 @@
 
 use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Rejection};
 
-use crate::{Camera, DrawableId, IdCoding, IdDecoder, IdEncoder, Identity, Role, RoleMessage, coding};
+use crate::{
+    BatchSize, Camera, DrawableId, IdCoding, IdDecoder, IdEncoder, Identity, Role, RoleMessage, coding,
+};
 
 /// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages between roles.
 ///
@@ -10,6 +12,14 @@ use crate::{Camera, DrawableId, IdCoding, IdDecoder, IdEncoder, Identity, Role, 
 /// the frames that a culler has sent over the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walkthrough;
+
+impl Walkthrough {
+    /// The batches that a relay sends to displays that watch.
+    #[must_use]
+    pub fn relayed() -> Batching {
+        Batching { size: BatchSize::default(), coded: true }
+    }
+}
 
 impl Protocol for Walkthrough {
     const NAME: &'static str = "trimaran/3";
@@ -27,8 +37,10 @@ impl Protocol for Walkthrough {
         ours.admits(theirs)
     }
 
+    /// To a display, a relay is its culler, and has a culler's key.
     fn role(hello: &Identity) -> Option<String> {
-        Some(hello.role.to_string())
+        let role = if hello.role == Role::Relay { Role::Culler } else { hello.role };
+        Some(role.to_string())
     }
 
     /// A restarted display continues its session.
@@ -37,9 +49,12 @@ impl Protocol for Walkthrough {
         Some(key.0)
     }
 
-    /// The display's settings decide.
+    /// The display's settings decide. One that watches has none: a relay sends it changes.
     fn batching(ours: &Identity, theirs: &Identity) -> Option<Batching> {
-        let (_, settings) = ours.session.or(theirs.session)?;
+        let Some((_, settings)) = ours.session.or(theirs.session) else {
+            let is_relayed = [ours.role, theirs.role].contains(&Role::Relay);
+            return is_relayed.then(Self::relayed);
+        };
         Some(Batching { size: settings.batch, coded: settings.coding == IdCoding::Changes })
     }
 

@@ -35,6 +35,7 @@
 //! | `work`, `device` | a role's work on a frame, and its GPU interface |
 //! | `peers`, `join`, `meeting` | how roles find each other, and reconnect |
 //! | `supply` | geometry for displays that hold no scene |
+//! | `relay` | one display's frames for many displays that watch |
 //! | `service`, `local` | a culler as a service; all roles in one process |
 //! | `limits` | the limits of sessions |
 //! | `sharing`, `shared_sets` | objects that sessions share: visible sets, packed geometry |
@@ -52,6 +53,7 @@ mod links;
 mod local;
 mod meeting;
 mod peers;
+mod relay;
 mod service;
 mod shared_sets;
 mod shares;
@@ -66,7 +68,7 @@ pub use deal::{CullerId, Dealer, Disorder, Pace, Schedule, UnknownSchedule};
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
     BoxedError, Cameras, CullerEvent, CullerRole, CullerWork, DisplayRole, DisplayWork, LinkError, Observer,
-    RoleError, ShownFrame, Supplied, VisibleIds, WhileLoading,
+    RoleError, ShownFrame, Supplied, VisibleIds, WatcherRole, WhileLoading,
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};
@@ -78,6 +80,7 @@ pub use links::{
 pub use local::{LocalCullers, LocalSession};
 pub use meeting::{Expected, Meeting};
 pub use peers::{Arrival, Peers, PeersConfig, SlotGuard};
+pub use relay::{Relay, RelayEndpoints, RelayError, WatchLink};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use sharing::Sharing;
 pub use stop::{Stop, Stopper};

@@ -15,6 +15,8 @@ pub type LatestReceiver = transport::LatestReceiver<Walkthrough>;
 pub type FrameSender = transport::FrameSender<Walkthrough>;
 /// Receives frames of ids.
 pub type FrameReceiver = transport::FrameReceiver<Walkthrough>;
+/// Receives messages.
+pub(crate) type MessageReceiver = transport::MessageReceiver<Walkthrough>;
 /// Sends messages.
 pub(crate) type MessageSender = transport::MessageSender<Walkthrough>;
 /// An event of a frame receiver.

@@ -50,7 +50,7 @@ pub(super) async fn part(
 }
 
 /// The close reason for this role's end.
-pub(super) fn reason(error: &RoleError) -> CloseReason {
+pub(crate) fn reason(error: &RoleError) -> CloseReason {
     match error {
         RoleError::Stopped => CloseCode::Interrupted.reason(),
         error if error.is_clean_end() => CloseCode::Finished.reason(),

@@ -11,6 +11,7 @@ use crate::{
     deal::Disorder,
     device::CullerDevice,
     ids::IdError,
+    join::JoinError,
     supply::{SupplyError, SupplyFault},
 };
 
@@ -24,6 +25,9 @@ pub enum RoleError {
     /// It was asked to stop.
     #[error("stopped")]
     Stopped,
+    /// This role's own settings rule out a link to its peer.
+    #[error(transparent)]
+    Join(#[from] JoinError),
     /// A link failed: the peer died, fell silent or violated the protocol.
     #[error("{doing} failed")]
     Link {

@@ -15,10 +15,14 @@ mod observer;
 mod published;
 mod session;
 mod shown_stats;
+mod views;
+mod watcher;
 
-pub(crate) use close::leave_unable;
+pub(crate) use close::{leave_unable, reason};
 pub use culler::{CullerRole, CullerWork, VisibleIds};
 pub use display::{DisplayRole, DisplayWork, Supplied, WhileLoading};
 pub use error::{BoxedError, LinkError, RoleError};
 pub use observer::{CullerEvent, Observer, ShownFrame};
 pub use published::Cameras;
+pub(crate) use views::Views;
+pub use watcher::WatcherRole;

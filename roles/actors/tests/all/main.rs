@@ -8,6 +8,7 @@ mod dealer;
 mod faults;
 mod meetings;
 mod packing;
+mod relay;
 mod rest;
 mod sessions;
 mod supply;

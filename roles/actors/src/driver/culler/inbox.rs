@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewState};
 
-use super::{
-    switch::{News, Switch},
-    views::Views,
-};
+use super::switch::{News, Switch};
 use crate::{
-    driver::error::{RoleError, link},
+    driver::{
+        error::{RoleError, link},
+        views::Views,
+    },
     links::Link,
     meeting::Meeting,
 };
@@ -113,7 +113,7 @@ impl Inbox {
 
     fn hear(&mut self, message: RoleMessage) -> Result<(), RoleError> {
         match message {
-            RoleMessage::View { version, part, last } => self.views.take(version, &part, last)?,
+            RoleMessage::View { version, part, last } => drop(self.views.take(version, &part, last)?),
             message => self.other.hear(message),
         }
         Ok(())

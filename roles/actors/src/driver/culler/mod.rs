@@ -11,7 +11,6 @@
 mod inbox;
 mod other_frames;
 mod switch;
-mod views;
 mod work;
 
 use std::{mem, panic::AssertUnwindSafe, pin::pin, rc::Rc, sync::Arc};

@@ -1,4 +1,4 @@
-//! The view states that a culler received.
+//! The view states that a role received.
 
 use std::{collections::VecDeque, sync::Arc};
 
@@ -7,9 +7,9 @@ use trimaran_proto::{Settings, ViewReader, ViewState, ViewStateError, ViewVersio
 /// How many are kept: a camera names the last one, or an earlier one if its frame is dealt again.
 const KEPT: usize = 4;
 
-/// The last view states that a culler received, the newest last.
+/// The last view states that a role received from one peer, the newest last.
 #[derive(Debug)]
-pub(super) struct Views {
+pub(crate) struct Views {
     /// How many objects the scene has, which limits the memory of a set.
     objects: u32,
     known: VecDeque<(ViewVersion, Arc<ViewState>)>,
@@ -18,32 +18,37 @@ pub(super) struct Views {
 
 impl Views {
     /// Begins with the view state of the handshake.
-    pub(super) fn new(settings: Settings, objects: u32) -> Self {
+    pub(crate) fn new(settings: Settings, objects: u32) -> Self {
         let first = (ViewVersion(0), Arc::new(settings.into()));
-        Self { objects, known: [first].into(), reader: ViewReader::default() }
+        Self { known: [first].into(), ..Self::none(objects) }
     }
 
-    /// Takes a part of a view state.
-    pub(super) fn take(
+    /// Begins with none: the peer tells all of them.
+    pub(crate) fn none(objects: u32) -> Self {
+        Self { objects, known: VecDeque::new(), reader: ViewReader::default() }
+    }
+
+    /// Takes a part of a view state. Returns the state once all of it has come.
+    pub(crate) fn take(
         &mut self,
         version: ViewVersion,
         part: &[u8],
         last: bool,
-    ) -> Result<(), ViewStateError> {
-        if let Some(state) = self.reader.take(version, part, last)? {
-            if let Some(object) = state.last_named().filter(|object| *object >= self.objects) {
-                return Err(ViewStateError::Unknown { object, objects: self.objects });
-            }
-            self.known.retain(|(known, _)| *known != version);
-            self.known.push_back((version, Arc::new(state)));
-            if self.known.len() > KEPT {
-                self.known.pop_front();
-            }
+    ) -> Result<Option<Arc<ViewState>>, ViewStateError> {
+        let Some(state) = self.reader.take(version, part, last)? else { return Ok(None) };
+        if let Some(object) = state.last_named().filter(|object| *object >= self.objects) {
+            return Err(ViewStateError::Unknown { object, objects: self.objects });
         }
-        Ok(())
+        let state = Arc::new(state);
+        self.known.retain(|(known, _)| *known != version);
+        self.known.push_back((version, Arc::clone(&state)));
+        if self.known.len() > KEPT {
+            self.known.pop_front();
+        }
+        Ok(Some(state))
     }
 
-    pub(super) fn get(&self, version: ViewVersion) -> Option<&Arc<ViewState>> {
+    pub(crate) fn get(&self, version: ViewVersion) -> Option<&Arc<ViewState>> {
         self.known.iter().find(|(known, _)| *known == version).map(|(_, state)| state)
     }
 }

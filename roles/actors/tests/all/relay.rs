@@ -1,0 +1,473 @@
+//! A relay: displays that watch show the frames of the display that leads.
+
+use std::{
+    net::TcpListener,
+    sync::Arc,
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use parking_lot::Mutex;
+use tokio::runtime::{Builder, Runtime};
+use trimaran_actors::{
+    BoxedError, CullerEvent, DisplayWork, FrameEvent, Link, Listener, Observer, PeerEndpoint, Peers,
+    PeersConfig, Relay, RelayEndpoints, RoleError, ShownFrame, Stop, Stopper, Turns, WatcherRole, max_frame,
+};
+use trimaran_cull::Image;
+use trimaran_proto::{
+    Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, SessionKey, ViewState, ViewVersion,
+    Walkthrough,
+};
+use trimaran_scene::Scene;
+use trimaran_transport::{
+    ConnectError, Endpoint, Endpoints, Limits, Net, Options, RecvError, TokioNet, connect, sleep_until,
+    until,
+};
+
+use crate::common::{middle, send_frame, settings, small_scene, turned};
+
+/// Nothing here takes so long.
+const LONG: Duration = Duration::from_secs(100);
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// A picture: its pose, its view state and what was drawn.
+#[derive(Debug, Clone, PartialEq)]
+struct Picture {
+    camera: Camera,
+    state: ViewState,
+    ids: Vec<DrawableId>,
+}
+
+struct Bench {
+    runtime: Runtime,
+    net: Arc<dyn Net>,
+    scene: Arc<Scene>,
+}
+
+/// A process that ends when this is dropped.
+struct Process {
+    stopper: Stopper,
+    at: Endpoint,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.stopper.stop();
+        self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+/// A watcher's device: keeps what it draws, and takes as long as it is told.
+struct Screen {
+    drawn: Arc<Mutex<Vec<Picture>>>,
+    state: Option<ViewState>,
+    takes: Duration,
+}
+
+impl DisplayWork for Screen {
+    fn change_view(&mut self, state: &ViewState) {
+        self.state = Some(state.clone());
+    }
+
+    async fn draw(&mut self, camera: Camera, ids: &mut Vec<DrawableId>, _: u32) -> Result<usize, RoleError> {
+        thread::sleep(self.takes);
+        let (state, ids) = (self.state.clone().unwrap(), ids.clone());
+        self.drawn.lock().push(Picture { camera: camera.in_view(ViewVersion(0)), state, ids });
+        Ok(0)
+    }
+
+    fn picture(&mut self) -> Result<Option<&Image>, RoleError> {
+        Ok(None)
+    }
+}
+
+/// Counts how often the relay came and left.
+struct Comings(Arc<Mutex<(u32, u32)>>);
+
+impl Observer for Comings {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        Ok(())
+    }
+
+    fn culler(&mut self, event: CullerEvent<'_>) {
+        let mut comings = self.0.lock();
+        match event {
+            CullerEvent::Came(..) => comings.0 += 1,
+            CullerEvent::Left(..) => comings.1 += 1,
+            _ => {}
+        }
+    }
+}
+
+struct Watcher {
+    drawn: Arc<Mutex<Vec<Picture>>>,
+    comings: Arc<Mutex<(u32, u32)>>,
+    _process: Process,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        Self { runtime, net, scene: small_scene() }
+    }
+
+    fn options(&self) -> Options {
+        let limits = Limits::default().with_handshakes_per_s(10_000).with_handshakes_per_s_per_address(10_000);
+        let mut options = Options::default().with_limits(limits);
+        options.link.max_frame = max_frame(&self.scene);
+        options
+    }
+
+    fn process(&self, at: Endpoint, run: impl FnOnce(Stop) + Send + 'static) -> Process {
+        let (stopper, stop) = Stop::new();
+        Process { stopper, at, thread: Some(thread::spawn(move || run(stop))) }
+    }
+
+    /// A culler that answers each camera, and counts them.
+    fn culler(&self, at: &Endpoint, culls: &Arc<Mutex<u32>>) -> Process {
+        let identity = Identity { role: Role::Culler, scene: Some(self.scene.outline()), session: None };
+        let (at, options) = (Endpoints::from(at.clone()), self.options());
+        let bound = Listener::bind_all(&self.net, &at, identity, &options);
+        let mut listener = self.runtime.block_on(bound).unwrap();
+        let at = listener.local_endpoints().iter().next().unwrap().clone();
+        let (net, culls, handle) = (Arc::clone(&self.net), Arc::clone(culls), self.runtime.handle().clone());
+        let drawables = max_frame(&self.scene);
+        self.process(at, move |stop| {
+            let serve = async {
+                let mut serving = tokio::task::JoinSet::new();
+                loop {
+                    let link = listener.accept(net.now().after(LONG)).await.unwrap();
+                    let culls = Arc::clone(&culls);
+                    serving.spawn(async move {
+                        let mut link = link;
+                        let mut number = 0;
+                        loop {
+                            let camera = tokio::select! {
+                                message = link.messages_rx.recv() => match message {
+                                    Ok(_) => continue,
+                                    Err(_) => return,
+                                },
+                                camera = link.latest_rx.latest() => match camera {
+                                    Ok(camera) => camera,
+                                    Err(_) => return,
+                                },
+                            };
+                            *culls.lock() += 1;
+                            let ids = visible(drawables, camera);
+                            if send_frame(&mut link, number, camera, &ids).await.is_none() {
+                                return;
+                            }
+                            number += 1;
+                        }
+                    });
+                }
+            };
+            let _stopped: Option<()> = handle.block_on(stop.unless_requested(serve));
+        })
+    }
+
+    fn relay(&self, upstream: &Endpoint, listen: &str) -> Process {
+        let at = RelayEndpoints {
+            upstream: PeerEndpoint { endpoint: upstream.clone(), options: self.options() },
+            listen: listen.parse().unwrap(),
+            options: self.options(),
+        };
+        let started = Relay::start(&self.net, at, Arc::new(|_, _| Box::new(())));
+        let relay = self.runtime.block_on(started).unwrap();
+        let at = relay.endpoints().iter().next().unwrap().clone();
+        let handle = self.runtime.handle().clone();
+        self.process(at, move |stop| handle.block_on(relay.run(&stop)).unwrap())
+    }
+
+    /// A display that watches, whose pictures take this long.
+    fn watcher(&self, at: &Endpoint, takes: Duration) -> Watcher {
+        let (drawn, comings) = (Arc::default(), Arc::default());
+        let work = Screen { drawn: Arc::clone(&drawn), state: None, takes };
+        let identity = Identity { role: Role::Display, scene: Some(self.scene.outline()), session: None };
+        let endpoints = vec![PeerEndpoint { endpoint: at.clone(), options: self.options() }];
+        let sought = PeersConfig { identity, role: Role::Relay, endpoints, listener: None, most: 1 };
+        let (net, turns, outline) = (Arc::clone(&self.net), Turns::at_once(), self.scene.outline());
+        let (drawables, objects) = (outline.drawables, outline.objects);
+        let relay = self.runtime.block_on(async { Peers::seek(&net, sought) });
+        let (handle, mut seen) = (self.runtime.handle().clone(), Comings(Arc::clone(&comings)));
+        let process = self.process(at.clone(), move |stop| {
+            let role = WatcherRole { work, relay, drawables, objects, net, turns };
+            handle.block_on(role.run(&mut seen, &stop)).unwrap();
+        });
+        Watcher { drawn, comings, _process: process }
+    }
+
+    /// A display that leads.
+    fn try_lead(&self, at: &Endpoint, key: u64, side: u32, scene: bool) -> Result<Leader<'_>, ConnectError> {
+        let settings = settings(side, 2.0);
+        let session = Some((SessionKey(key), settings));
+        let scene = scene.then(|| self.scene.outline());
+        let identity = Identity { role: Role::Display, scene, session };
+        let by = self.net.now().after(if scene.is_some() { LONG } else { Duration::from_millis(300) });
+        let link =
+            self.runtime.block_on(connect::<Walkthrough>(&self.net, at, identity, &self.options(), by))?;
+        Ok(Leader { bench: self, link, state: settings.into(), version: ViewVersion(0) })
+    }
+
+    fn lead(&self, at: &Endpoint, key: u64) -> Leader<'_> {
+        self.try_lead(at, key, 64, true).unwrap()
+    }
+
+    /// Waits until it is so.
+    fn wait(&self, what: &str, is_so: impl Fn() -> bool) {
+        let deadline = self.net.now().after(LONG);
+        while !is_so() {
+            assert!(self.net.now() < deadline, "{what}");
+            self.runtime.block_on(sleep_until(&*self.net, self.net.now().after(PAUSE)));
+        }
+    }
+
+    /// Waits until the watcher's last picture is this one.
+    fn shows(&self, watcher: &Watcher, picture: &Picture) {
+        let last = || watcher.drawn.lock().last().cloned();
+        self.wait("the picture does not come", || last().as_ref() == Some(picture));
+    }
+}
+
+/// The drawables visible from there: another set for each frame and view state.
+fn visible(drawables: u32, camera: Camera) -> Vec<DrawableId> {
+    let (frame, view) = (camera.frame().0, camera.view().0);
+    (0..drawables).filter(|id| (id + view) % (2 + frame % 5) == 0).map(DrawableId).collect()
+}
+
+struct Leader<'b> {
+    bench: &'b Bench,
+    link: Link,
+    state: ViewState,
+    version: ViewVersion,
+}
+
+impl Leader<'_> {
+    fn pose(&self, frame: u32) -> Camera {
+        let eye = middle(&self.bench.scene);
+        turned(eye, f64::from(frame) * 0.01, 1.0, FrameNumber(frame)).in_view(self.version)
+    }
+
+    /// Changes its view state from the next frame on.
+    fn changes(&mut self, state: ViewState) {
+        self.version.0 += 1;
+        for message in state.to_messages(self.version).unwrap() {
+            self.bench.runtime.block_on(self.link.messages_tx.send(&message)).unwrap();
+        }
+        self.state = state;
+    }
+
+    fn asks(&mut self, frame: u32) {
+        let camera = self.pose(frame);
+        self.link.latest_tx.publish(camera).unwrap();
+    }
+
+    /// The picture of its next frame.
+    fn sees(&mut self, frame: u32) -> Picture {
+        let expected = self.pose(frame);
+        let read = async {
+            let mut ids = Vec::new();
+            loop {
+                match self.link.frames_rx.recv().await.unwrap() {
+                    FrameEvent::Begin(start) => assert_eq!(start.header, expected),
+                    FrameEvent::Batch(batch) => ids.extend(batch.iter()),
+                    FrameEvent::End(_) => return ids,
+                }
+            }
+        };
+        let (runtime, net) = (&self.bench.runtime, &self.bench.net);
+        let ids = runtime.block_on(until(&**net, net.now().after(LONG), read)).unwrap();
+        assert_eq!(ids, visible(max_frame(&self.bench.scene), expected));
+        Picture { camera: expected.in_view(ViewVersion(0)), state: self.state.clone(), ids }
+    }
+
+    fn walks(&mut self, frame: u32) -> Picture {
+        self.asks(frame);
+        self.sees(frame)
+    }
+
+    /// Why its link was closed.
+    fn is_let_go(mut self) -> String {
+        let end = self.bench.runtime.block_on(async {
+            loop {
+                if let Err(end) = self.link.frames_rx.recv().await {
+                    return end;
+                }
+            }
+        });
+        let RecvError::Closed { reason, .. } = end else { panic!("{end:?}") };
+        format!("{:?}: {reason:?}", CloseCode::of(&reason))
+    }
+
+    fn leaves(self) {
+        self.bench.runtime.block_on(self.link.close(CloseCode::Finished.reason())).unwrap();
+    }
+}
+
+fn anywhere() -> Endpoint {
+    "tcp://127.0.0.1:0".parse().unwrap()
+}
+
+/// A free port of this machine.
+fn port() -> Endpoint {
+    let at = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    format!("tcp://{at}").parse().unwrap()
+}
+
+#[test]
+fn watchers_show_each_picture_of_the_leader_and_the_culler_culls_it_once() {
+    let bench = Bench::new();
+    let culls = Arc::default();
+    let culler = bench.culler(&anywhere(), &culls);
+    for listen in ["tcp://127.0.0.1:0", "ws://127.0.0.1:0/link", "inproc:relay"] {
+        *culls.lock() = 0;
+        let relay = bench.relay(&culler.at, listen);
+        let watchers = [(); 3].map(|()| bench.watcher(&relay.at, Duration::ZERO));
+        let mut leader = bench.lead(&relay.at, 1);
+        for frame in 0..20 {
+            if frame % 7 == 6 {
+                let hidden = (0..frame).step_by(2).collect();
+                leader.changes(ViewState { hidden, ..leader.state.clone() });
+            }
+            let picture = leader.walks(frame);
+            watchers.iter().for_each(|watcher| bench.shows(watcher, &picture));
+        }
+        for watcher in &watchers {
+            assert_eq!(watcher.drawn.lock().len(), 20, "{listen}");
+        }
+        assert_eq!(*culls.lock(), 20, "{listen}");
+    }
+}
+
+#[test]
+fn a_watcher_that_comes_late_or_again_shows_the_last_picture_at_once() {
+    let bench = Bench::new();
+    let culler = bench.culler(&anywhere(), &Arc::default());
+    let relay = bench.relay(&culler.at, "tcp://127.0.0.1:0");
+    let mut leader = bench.lead(&relay.at, 1);
+    for frame in 0..4 {
+        leader.walks(frame);
+    }
+    leader.changes(ViewState { hidden: [3].into_iter().collect(), ..leader.state.clone() });
+    let last = leader.walks(4);
+    for _ in 0..2 {
+        bench.shows(&bench.watcher(&relay.at, Duration::ZERO), &last);
+    }
+    let watcher = bench.watcher(&relay.at, Duration::ZERO);
+    bench.shows(&watcher, &last);
+    leader.leaves();
+    assert_eq!(*watcher.comings.lock(), (1, 0), "it stays when the leader leaves");
+}
+
+#[test]
+fn a_slow_watcher_skips_frames_and_one_that_hangs_holds_up_nobody() {
+    let bench = Bench::new();
+    let culler = bench.culler(&anywhere(), &Arc::default());
+    let relay = bench.relay(&culler.at, "inproc:relay-of-slow-watchers");
+    let slow = bench.watcher(&relay.at, Duration::from_millis(100));
+    let quick = bench.watcher(&relay.at, Duration::ZERO);
+    // It reads nothing.
+    let identity = Identity { role: Role::Display, scene: Some(bench.scene.outline()), session: None };
+    let (by, options) = (bench.net.now().after(LONG), bench.options());
+    let hangs = connect::<Walkthrough>(&bench.net, &relay.at, identity, &options, by);
+    let mut hangs = bench.runtime.block_on(hangs).unwrap();
+    bench.wait("the watchers do not come", || slow.comings.lock().0 + quick.comings.lock().0 == 2);
+    let mut leader = bench.lead(&relay.at, 1);
+    let pictures: Vec<_> = (0..1_000).map(|frame| leader.walks(frame)).collect();
+    let last = pictures.last().unwrap();
+    bench.shows(&quick, last);
+    bench.shows(&slow, last);
+    let drawn = slow.drawn.lock();
+    assert!(drawn.len() < pictures.len() / 2, "{} pictures", drawn.len());
+    let mut rest = pictures.iter();
+    assert!(drawn.iter().all(|drawn| rest.any(|picture| picture == drawn)), "in order, and none is mixed");
+    let seen = async {
+        let mut seen = 0;
+        loop {
+            seen += 1;
+            if hangs.frames_rx.frame().await.unwrap().start.header.frame() == FrameNumber(999) {
+                return seen;
+            }
+        }
+    };
+    let seen = bench.runtime.block_on(seen);
+    assert!(seen < 1_000, "{seen} frames waited for it");
+}
+
+#[test]
+fn when_the_culler_is_restarted_displays_stay_and_the_walk_goes_on() {
+    let bench = Bench::new();
+    let (at, culls) = (port(), Arc::default());
+    let culler = bench.culler(&at, &culls);
+    let relay = bench.relay(&at, "tcp://127.0.0.1:0");
+    let watcher = bench.watcher(&relay.at, Duration::ZERO);
+    let mut leader = bench.lead(&relay.at, 1);
+    leader.changes(ViewState { hidden: [1, 5].into_iter().collect(), ..leader.state.clone() });
+    bench.shows(&watcher, &leader.walks(0));
+    drop(culler);
+    leader.asks(1);
+    let culler = bench.culler(&at, &culls);
+    bench.shows(&watcher, &leader.sees(1));
+    for frame in 2..5 {
+        bench.shows(&watcher, &leader.walks(frame));
+    }
+    assert_eq!(*culls.lock(), 5, "no frame is culled again");
+    assert_eq!(*watcher.comings.lock(), (1, 0));
+    drop(culler);
+}
+
+#[test]
+fn a_tree_of_relays_shows_the_same_wherever_the_leader_is() {
+    let bench = Bench::new();
+    let culls = Arc::default();
+    let culler = bench.culler(&anywhere(), &culls);
+    let root = bench.relay(&culler.at, "tcp://127.0.0.1:0");
+    let leaves = [(); 2].map(|()| bench.relay(&root.at, "tcp://127.0.0.1:0"));
+    let watchers = [&root, &leaves[0], &leaves[1]].map(|relay| bench.watcher(&relay.at, Duration::ZERO));
+    let mut expected = 0;
+    for (key, relay) in [&root, &leaves[1], &leaves[0]].into_iter().enumerate() {
+        let side = 32 << key;
+        let mut leader = bench.try_lead(&relay.at, key as u64, side, true).unwrap();
+        for frame in 0..6 {
+            if frame == 3 {
+                leader.changes(ViewState { hidden: [2].into_iter().collect(), ..leader.state.clone() });
+            }
+            let picture = leader.walks(frame);
+            watchers.iter().for_each(|watcher| bench.shows(watcher, &picture));
+            expected += 1;
+        }
+        leader.leaves();
+    }
+    assert_eq!(*culls.lock(), expected);
+    // One that comes late to a leaf, which itself comes late.
+    let late = bench.relay(&leaves[0].at, "tcp://127.0.0.1:0");
+    let last = watchers[0].drawn.lock().last().cloned().unwrap();
+    bench.shows(&bench.watcher(&late.at, Duration::ZERO), &last);
+}
+
+#[test]
+fn one_display_leads_and_the_next_one_only_once_it_has_left() {
+    let bench = Bench::new();
+    let culler = bench.culler(&anywhere(), &Arc::default());
+    let relay = bench.relay(&culler.at, "tcp://127.0.0.1:0");
+    let watcher = bench.watcher(&relay.at, Duration::ZERO);
+    let mut first = bench.lead(&relay.at, 1);
+    bench.shows(&watcher, &first.walks(0));
+    let told = bench.lead(&relay.at, 2).is_let_go();
+    assert!(told.contains("Failed") && told.contains("another display leads"), "{told}");
+    bench.shows(&watcher, &first.walks(1));
+    // It comes again, before its old link is known to be dead.
+    let mut again = bench.lead(&relay.at, 1);
+    let told = first.is_let_go();
+    assert!(told.contains("Replaced"), "{told}");
+    bench.shows(&watcher, &again.walks(2));
+    again.leaves();
+    let mut third = bench.try_lead(&relay.at, 3, 128, true).unwrap();
+    bench.shows(&watcher, &third.walks(0));
+    let refused = bench.try_lead(&relay.at, 4, 64, false);
+    let Err(ConnectError::Deadline { last, .. }) = refused else { panic!("{:?}", refused.map(|_| ())) };
+    let last = trimaran_transport::causes(&last);
+    assert!(last.contains("give this display the scene"), "{last}");
+}
