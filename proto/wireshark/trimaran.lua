@@ -16,7 +16,7 @@ local KINDS = {
 }
 local VERSION = 4
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/3", 72, 80
-local ROLES = { [0] = "culler", "display" }
+local ROLES = { [0] = "culler", "display", "relay" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits" }
 -- Items of blocks: what a display says, and what a culler sends.

@@ -26,6 +26,7 @@ mod ping;
 mod processes;
 mod progress;
 mod recording;
+mod relay;
 mod report;
 mod role;
 mod run;

@@ -4,7 +4,10 @@ use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RoleConfig, SessionConfig, security},
+    config::{
+        CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RelayConfig, RoleConfig, SessionConfig,
+        WatcherConfig, security,
+    },
     culling::CullingMethod,
     report::{Run, Writer, schema::Machine},
     walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
@@ -21,6 +24,7 @@ use super::{
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
     recording::{self, Recording, open_folder},
+    relay,
     walking::{self, Metrics, Start, gpu_options, scene, upload},
 };
 
@@ -34,6 +38,12 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
         }
         RoleCommand::Display(args) => {
             on_runtime(|runtime| display(&load(args)?, args.until_input_ends, runtime))
+        }
+        RoleCommand::Relay(args) => {
+            on_runtime(|runtime| relay::relay(&load(args)?, args.until_input_ends, runtime))
+        }
+        RoleCommand::Watcher(args) => {
+            on_runtime(|runtime| relay::watcher(&load(args)?, args.until_input_ends, runtime))
         }
     }
 }
@@ -60,6 +70,8 @@ pub(super) fn template(role: RoleName) -> String {
     match role {
         RoleName::Culler => CullerConfig::template(),
         RoleName::Display => DisplayConfig::template(),
+        RoleName::Relay => RelayConfig::template(),
+        RoleName::Watcher => WatcherConfig::template(),
     }
 }
 

@@ -6,6 +6,7 @@
 #![allow(unused_qualifications, clippy::ptr_arg, reason = "as `Config` derives its layers and checks")]
 
 mod options;
+mod relay;
 mod role;
 mod security;
 
@@ -22,6 +23,7 @@ use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
 pub use options::{GivenOption, GivenOptionError, OptionKey, options};
+pub use relay::{RelayConfig, RelayPeers, WatcherConfig, WatcherPeers};
 pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, WhileLoading};
 pub use security::{PeerFiles, needs_keys, security};
 

@@ -9,6 +9,9 @@ use crate::culling::CullingMethod;
 
 const DISPLAY: &str = "scene = 'a'\ncullers = 'tcp://x:1'\nout = 'o'\n";
 
+const RELAY: &str = "upstream = 'tcp://x:1'\nlisten = 'tcp://y:1,ws://y:2/w'\n";
+const WATCHER: &str = "scene = '/s/a'\nrelay = 'tcp://x:1'\n";
+
 fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("role.toml");
@@ -194,7 +197,7 @@ fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'st
 fn template_in_step<C: RoleConfig>(required: &str) -> (C, Options) {
     let mut keys = Vec::new();
     leaves(&C::META, "", &mut keys);
-    assert!(keys.len() >= 10, "{keys:?}");
+    assert!(keys.len() >= 7, "{keys:?}");
     let template = C::template();
     for (path, env, kind) in &keys {
         let name = path.rsplit('.').next().unwrap();
@@ -228,6 +231,27 @@ fn the_templates_have_every_key_and_its_true_default() {
     let required = "scene = 'a'\nlisten = 'tcp://x:1'\n";
     let (_, options) = template_in_step::<CullerConfig>(required);
     assert_eq!(options, Options::default());
+    let (relay, _) = template_in_step::<RelayConfig>(RELAY);
+    assert_eq!(relay, file(RELAY).unwrap());
+    let (watcher, _) = template_in_step::<WatcherConfig>(WATCHER);
+    assert_eq!(watcher, file(WATCHER).unwrap());
+}
+
+#[test]
+fn a_relay_has_one_source_and_a_watcher_one_relay() {
+    let relay = file::<RelayConfig>(RELAY).unwrap();
+    assert_eq!((relay.upstream.iter().count(), relay.listen.iter().count()), (1, 2));
+    let message = file::<RelayConfig>("upstream = ['tcp://x:1', 'tcp://x:2']\nlisten = 'tcp://y:1'\n");
+    let message = message.unwrap_err().to_string();
+    assert!(message.contains("upstream") && message.contains("give one endpoint"), "{message}");
+    let message = file::<WatcherConfig>("scene = 'a'\nrelay = ['tcp://x:1', 'tcp://x:2']\n").unwrap_err();
+    assert!(message.to_string().contains("relay"), "{message}");
+    for (text, missing) in [("listen = 'tcp://y:1'\n", "upstream"), ("upstream = 'tcp://y:1'\n", "listen")] {
+        let message = file::<RelayConfig>(text).unwrap_err().to_string();
+        assert!(message.contains(missing), "{message}");
+    }
+    let message = file::<WatcherConfig>("scene = 'a'\n").unwrap_err().to_string();
+    assert!(message.contains("relay"), "{message}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use confique::{Config, Layer};
-use trimaran::config::{CullerConfig, DisplayConfig, RoleConfig, SessionConfig};
+use trimaran::config::{CullerConfig, DisplayConfig, RelayConfig, RoleConfig, SessionConfig, WatcherConfig};
 use trimaran_transport::{Endpoint, Endpoints};
 
 fn example<C: RoleConfig>(name: &str) -> C {
@@ -28,6 +28,20 @@ fn the_example_display_finds_cullers_where_these_listen() {
 }
 
 #[test]
+fn the_example_watcher_finds_the_relay_and_that_finds_the_culler() {
+    let (relay, watcher) = (example::<RelayConfig>("relay.toml"), example::<WatcherConfig>("watcher.toml"));
+    let culler: CullerConfig = example("culler.toml");
+    let place = |endpoint: &Endpoint| {
+        let port = endpoint.to_string().rsplit_once(':').unwrap().1.to_owned();
+        (endpoint.transport().to_owned(), port)
+    };
+    let one = |endpoints: &Endpoints| place(endpoints.iter().next().unwrap());
+    assert_eq!(one(&watcher.relay), one(&relay.listen));
+    assert_eq!(one(&relay.upstream), place(each(&culler.listen)[0]));
+    assert_eq!(watcher.scene, culler.scene);
+}
+
+#[test]
 fn the_example_display_spells_out_the_defaults() {
     let display: DisplayConfig = example("display.toml");
     let defaults = SessionConfig::from_layer(Layer::default_values()).unwrap();
@@ -37,7 +51,12 @@ fn the_example_display_spells_out_the_defaults() {
 
 #[test]
 fn the_files_with_every_key_are_what_the_program_prints() {
-    for (name, printed) in [("display", DisplayConfig::template()), ("culler", CullerConfig::template())] {
+    for (name, printed) in [
+        ("display", DisplayConfig::template()),
+        ("culler", CullerConfig::template()),
+        ("relay", RelayConfig::template()),
+        ("watcher", WatcherConfig::template()),
+    ] {
         let path =
             Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("examples/configs/every-key/{name}.toml"));
         let kept = std::fs::read_to_string(&path).unwrap();

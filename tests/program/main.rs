@@ -22,6 +22,7 @@ mod metrics;
 mod partition;
 mod ping;
 mod rejoin;
+mod relay;
 #[cfg(target_os = "linux")]
 mod requests;
 mod resume;

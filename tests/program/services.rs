@@ -13,6 +13,8 @@ use crate::common::program::{Bench, said};
 /// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
 const UNITS: [(&str, &str, &str); 2] =
     [("culler", "trimaran-culler@.service", "%i"), ("display", "trimaran-display.service", "display")];
+/// The unit of a relay.
+const RELAY: &str = "trimaran-relay@.service";
 /// The unit of a service of pages.
 const SERVE: &str = "trimaran-serve@.service";
 const INSTALLED: &str = "/usr/bin/trimaran";
@@ -24,7 +26,7 @@ fn path(unit: &str) -> PathBuf {
 }
 
 fn units() -> impl Iterator<Item = &'static str> {
-    UNITS.into_iter().map(|(_, name, _)| name).chain([SERVE])
+    UNITS.into_iter().map(|(_, name, _)| name).chain([RELAY, SERVE])
 }
 
 fn text(unit: &str) -> String {
@@ -85,6 +87,29 @@ fn a_service_whose_port_is_in_use_is_started_again() {
     for (role, kind, more) in [("culler", "always", ""), ("display", "on-failure", "out = 'walk'\n")] {
         assert_eq!(value(&unit(role), "Restart"), kind);
         serves_in_vain(role, &bench, &format!("{listen}{more}"), "in use");
+    }
+}
+
+#[test]
+fn a_relay_is_started_again_unless_its_configuration_is_wrong() {
+    let bench = Bench::empty();
+    let unit = text(RELAY);
+    let command = format!("{INSTALLED} role relay --config /etc/trimaran/%i.toml");
+    assert_eq!(value(&unit, "ExecStart"), command);
+    assert_eq!((value(&unit, "Restart"), value(&unit, "RestartPreventExitStatus")), ("always", "2"));
+    let holder = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = holder.local_addr().unwrap();
+    let whole = format!("upstream = 'tcp://{taken}'\nlisten = 'tcp://127.0.0.1:0'\njoin_timeout_s = 0.1\n");
+    for (configuration, code, why) in [
+        (whole.clone(), 1, "joining the culler failed"),
+        (format!("{whole}saet = 1\n"), UNUSABLE, "saet"),
+        (format!("{whole}[udp]\nmode = 'deadline'\n"), UNUSABLE, "udp.mode"),
+        (whole.replace("tcp://127.0.0.1:0", "quic://127.0.0.1:0"), UNUSABLE, "peers.upstream"),
+    ] {
+        bench.write("relay.toml", &configuration);
+        let output = bench.command(&["role", "relay", "--config", "relay.toml"]).output().unwrap();
+        let said = said(&output);
+        assert!(output.status.code() == Some(code) && said.contains(why), "{configuration}: {output:?}");
     }
 }
 

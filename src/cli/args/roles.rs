@@ -4,7 +4,7 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use confique::Config;
-use trimaran::config::{CullerConfig, DisplayConfig};
+use trimaran::config::{CullerConfig, DisplayConfig, RelayConfig, WatcherConfig};
 use trimaran_transport::Name;
 
 use super::links::LinkFlags;
@@ -15,6 +15,10 @@ pub(crate) enum RoleCommand {
     Culler(Box<RoleArgs<<CullerConfig as Config>::Layer>>),
     /// The display: shows the pictures, holds the camera and deals frames to cullers.
     Display(Box<RoleArgs<<DisplayConfig as Config>::Layer>>),
+    /// A relay: passes the frames of one display on to many that watch.
+    Relay(Box<RoleArgs<<RelayConfig as Config>::Layer>>),
+    /// A display that watches: draws the frames that come through a relay.
+    Watcher(Box<RoleArgs<<WatcherConfig as Config>::Layer>>),
 }
 
 /// What a role is told: a flag overrides its environment variable, that overrides the file, and that the
@@ -39,6 +43,10 @@ pub(crate) enum RoleName {
     Culler,
     /// The display.
     Display,
+    /// A relay.
+    Relay,
+    /// A display that watches.
+    Watcher,
 }
 
 #[derive(Debug, Subcommand)]

@@ -215,6 +215,9 @@ impl<W: DisplayWork> Watching<'_, W> {
         };
         self.observer.shown(&seen).map_err(RoleError::Observer)?;
         self.work.end_frame();
+        if self.shown.0 == 0 {
+            tracing::info!(frame = %camera.frame(), "the first picture is shown");
+        }
         self.shown = FrameNumber(self.shown.0.wrapping_add(1));
         Ok(())
     }

@@ -73,8 +73,8 @@ impl Hub {
                 true => self.turn_away(link, "another display leads: this one can only watch"),
                 false => leader::start(self, link, session),
             },
-            // It has asked for the scene, and leaves by itself.
-            None if hello.scene.is_none() => self.turn_away(link, "a display that watches needs the scene"),
+            // A relay that has asked for the scene.
+            None if hello.scene.is_none() => drop(link),
             None if Arc::strong_count(&self.watching) > self.most => {
                 self.turn_away(link, "the relay is full");
             }
@@ -147,7 +147,7 @@ impl Hub {
     pub(super) async fn publish(&self, frame: &WholeFrame<Walkthrough>, names: &Mutex<Names>) {
         let camera: Camera = frame.start.header;
         let Some(version) = names.lock().get(camera.view()) else {
-            tracing::debug!(frame = %camera.frame(), "left out a frame: its view state is not known any more");
+            tracing::debug!(frame = %camera.frame(), "left out a frame: its view state is unknown");
             return;
         };
         let ids: Vec<_> = frame.items().collect();

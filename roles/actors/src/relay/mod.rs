@@ -137,7 +137,7 @@ async fn scene_of(net: &Arc<dyn Net>, at: &PeerEndpoint) -> Result<SceneOutline,
     let by = net.now().after(ATTEMPT);
     let link = connect::<Walkthrough>(net, &at.endpoint, identity, &at.options, by).await;
     let link = link.map_err(|cause| JoinError::Connect { peer: Role::Culler, cause: Box::new(cause) })?;
-    let (scene, address) = (link.peer.hello.scene, link.peer.address.clone());
+    let (scene, address) = (link.peer.hello.scene, link.peer.address);
     // It may have closed the link before.
     let _unheard = until(&**net, by, link.close(CloseCode::Finished.reason())).await;
     scene.ok_or(RelayError::NoScene(address))

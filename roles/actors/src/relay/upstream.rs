@@ -138,9 +138,12 @@ impl Upstream {
                 biased;
                 message = link.messages_rx.recv() => {
                     let RoleMessage::View { version, part, last } = message? else { continue };
-                    let named = views.take(version, &part, last).and_then(|state| match state {
-                        Some(state) => Ok(names.lock().put(version, self.hub.tell(&state)?)),
-                        None => Ok(()),
+                    let named = views.take(version, &part, last).and_then(|state| {
+                        if let Some(state) = state {
+                            let ours = self.hub.tell(&state)?;
+                            names.lock().put(version, ours);
+                        }
+                        Ok(())
                     });
                     if let Err(error) = named {
                         tracing::warn!(error = &error as &dyn std::error::Error, "a view state is left out");

@@ -1,0 +1,231 @@
+//! What a relay adds: culls, bytes and latency, for one display that leads and many that watch.
+//!
+//! `cargo bench --bench relay -- X.scene [SECONDS [PROGRAM]]`: 10 s for each row, and the program of this
+//! build, if not given. The leader walks an automatic path of 120 poses over tcp, 30 a second, first without
+//! a relay. Latency is from its camera until a display has the whole frame. Displays draw nothing, and share
+//! one thread.
+#![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
+
+use std::{
+    cell::{Cell, RefCell},
+    error::Error,
+    io::{Read, Write},
+    net::{TcpListener, TcpStream},
+    path::Path,
+    process::{Child, Command, Stdio},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use serde_json::Value;
+use tokio::runtime::Builder;
+use trimaran_actors::Link;
+use trimaran_cull::{LodRule, Viewport};
+use trimaran_proto::{
+    FrameNumber, Identity, Role, RoleMessage, SceneOutline, SessionKey, Settings, Walkthrough,
+};
+use trimaran_scene::{
+    Scene,
+    path::{AutoPathOptions, PosePath, auto},
+};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect, sleep_until};
+
+type Failed = Box<dyn Error + Send + Sync>;
+
+const SIDE: u32 = 512;
+const EPSILON_PX: f64 = 2.0;
+const POSES: u32 = 120;
+const HZ: u32 = 30;
+/// Frames before those that count.
+const EARLY: u32 = 60;
+
+/// A role's process, which ends with this.
+struct Process(Child);
+
+impl Process {
+    fn start(program: &str, args: &[&str]) -> Result<Self, Failed> {
+        let mut command = Command::new(program);
+        // All displays come from one address, at once.
+        let limits = ["peers=300", "handshakes_per_s=10000", "handshakes_per_s_per_address=10000"];
+        command.args(args);
+        for limit in limits {
+            command.args(["-o", &format!("limits.{limit}")]);
+        }
+        Ok(Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ended = self.0.kill();
+        let _code = self.0.wait();
+    }
+}
+
+fn main() -> Result<(), Failed> {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let [scene, rest @ ..] = words.as_slice() else {
+        println!("skipped: give a cooked scene: cargo bench --bench relay -- X.scene [SECONDS [PROGRAM]]");
+        return Ok(());
+    };
+    let seconds: u32 = rest.first().map_or(Ok(10), |word| word.parse())?;
+    let program = rest.get(1).map_or(env!("CARGO_BIN_EXE_trimaran"), String::as_str);
+    let opened = Scene::open(Path::new(scene))?;
+    let path = auto(&opened, &AutoPathOptions { frames: POSES, seed: 1, teleport: false })?.path;
+    print!("| relays | watchers | culls a frame | bytes a frame, culler | leader ms: p50 | p99 ");
+    println!("| watchers ms: p50 | p99 | frames missed |");
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for (relays, watchers) in [(0, 0), (1, 0), (1, 16), (1, 64), (2, 64)] {
+        let walk = Walk { program, scene, outline: opened.outline(), path: &path, seconds };
+        walk.measure(relays, watchers)?;
+    }
+    Ok(())
+}
+
+struct Walk<'w> {
+    program: &'w str,
+    scene: &'w str,
+    outline: SceneOutline,
+    path: &'w PosePath,
+    seconds: u32,
+}
+
+/// What displays note of frames.
+#[derive(Default)]
+struct Notes {
+    /// When the leader asked for each.
+    asked: RefCell<Vec<Instant>>,
+    /// From then until they have come, of the frames that count: milliseconds.
+    led: RefCell<Vec<f64>>,
+    watched: RefCell<Vec<f64>>,
+    culls: Cell<u32>,
+}
+
+impl Notes {
+    fn age(&self, frame: FrameNumber) -> Option<f64> {
+        let asked = *self.asked.borrow().get(frame.0 as usize)?;
+        (frame.0 >= EARLY).then(|| asked.elapsed().as_secs_f64() * 1e3)
+    }
+}
+
+impl Walk<'_> {
+    fn measure(&self, relays: usize, watchers: u32) -> Result<(), Failed> {
+        let port = || Ok::<_, Failed>(TcpListener::bind("127.0.0.1:0")?.local_addr()?);
+        let at = |port| format!("tcp://{port}");
+        let culler = port()?;
+        let mut processes = vec![Process::start(
+            self.program,
+            &["role", "culler", "--listen", &at(culler), "--scene", self.scene],
+        )?];
+        let (mut last, mut metrics) = (culler, Vec::new());
+        for _ in 0..relays {
+            let (listen, shown) = (port()?, port()?);
+            let args = ["role", "relay", "--upstream", &at(last), "--listen", &at(listen)];
+            let shows = ["--metrics", &shown.to_string()];
+            processes.push(Process::start(self.program, &[&args[..], &shows].concat())?);
+            (last, metrics) = (listen, [metrics, vec![shown]].concat());
+        }
+        let at: Endpoint = at(last).parse()?;
+        let runtime = Builder::new_current_thread().enable_all().build()?;
+        let notes = Notes::default();
+        let (frames, direct) = runtime.block_on(async {
+            let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+            let settings = Settings::new(Viewport::new(SIDE, SIDE)?, LodRule::new(EPSILON_PX)?);
+            let join = async |session| {
+                let identity = Identity { role: Role::Display, scene: Some(self.outline), session };
+                let by = net.now().after(Duration::from_secs(60));
+                connect::<Walkthrough>(&net, &at, identity, &Options::default(), by).await
+            };
+            let mut watching = Vec::new();
+            for _ in 0..watchers {
+                watching.push(join(None).await?);
+            }
+            let mut leader = join(Some((SessionKey(1), settings))).await?;
+            let stats = leader.stats.clone();
+            let watch = futures_util::future::join_all(watching.into_iter().map(|link| watch(link, &notes)));
+            tokio::select! {
+                frames = self.lead(&net, &mut leader, &notes) => {
+                    let carried = stats.read();
+                    let bytes = carried.received.begin.bytes + carried.received.batches.bytes
+                        + carried.received.end.bytes + carried.received.header_bytes;
+                    Ok::<_, Failed>((frames?, bytes))
+                }
+                _ = watch, if watchers > 0 => Err("the watchers were let go".into()),
+            }
+        })?;
+        let upstream = metrics.first().map(|shown| read(&shown.to_string())).transpose()?;
+        let bytes = upstream.unwrap_or(direct) as f64 / f64::from(frames);
+        let counted = f64::from(frames - EARLY) * f64::from(watchers);
+        let (mut led, mut watched) = (notes.led.into_inner(), notes.watched.into_inner());
+        let missed = (counted - watched.len() as f64).max(0.0);
+        let [led50, led99] = ranks(&mut led);
+        let [watched50, watched99] = ranks(&mut watched);
+        let culls = f64::from(notes.culls.get()) / f64::from(frames);
+        print!("| {relays} | {watchers} | {culls:.2} | {bytes:.0} | {led50:.2} | {led99:.2} ");
+        println!("| {watched50:.2} | {watched99:.2} | {missed:.0} of {counted:.0} |");
+        Ok(())
+    }
+
+    /// Asks for each pose at its time. Returns how many.
+    async fn lead(&self, net: &Arc<dyn Net>, link: &mut Link, notes: &Notes) -> Result<u32, Failed> {
+        let near = self.path.near().ok_or("the path names no near distance")?;
+        let frames = EARLY + self.seconds * HZ;
+        let mut tick = net.now();
+        for frame in (0..frames).map(FrameNumber) {
+            let pose = self.path.frames().get((frame.0 % POSES) as usize).ok_or("a short path")?;
+            notes.asked.borrow_mut().push(Instant::now());
+            link.latest_tx.publish(pose.camera(self.path.vfov_deg(), near, frame)?)?;
+            let mut is_due = true;
+            tick = tick.after(Duration::from_secs(1) / HZ);
+            loop {
+                tokio::select! {
+                    biased;
+                    whole = link.frames_rx.frame(), if is_due => {
+                        is_due = whole?.start.header.frame() != frame;
+                        notes.led.borrow_mut().extend(notes.age(frame));
+                    }
+                    message = link.messages_rx.recv() => if let RoleMessage::Stats(stats) = message? {
+                        let culled = stats.hc_end_ns > stats.or_start_ns;
+                        notes.culls.set(notes.culls.get() + u32::from(culled));
+                    },
+                    () = sleep_until(&**net, tick), if !is_due => break,
+                }
+            }
+        }
+        Ok(frames)
+    }
+}
+
+/// Notes each frame of a watcher, until it is let go.
+async fn watch(mut link: Link, notes: &Notes) {
+    loop {
+        tokio::select! {
+            frame = link.frames_rx.frame() => match frame {
+                Ok(frame) => notes.watched.borrow_mut().extend(notes.age(frame.start.header.frame())),
+                Err(_) => return,
+            },
+            message = link.messages_rx.recv() => if message.is_err() { return },
+        }
+    }
+}
+
+/// The median and the 99th percentile.
+fn ranks(ages: &mut [f64]) -> [f64; 2] {
+    ages.sort_by(f64::total_cmp);
+    [0.5, 0.99]
+        .map(|share| ages.get(((ages.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(f64::NAN))
+}
+
+/// The bytes that a relay has received from its culler.
+fn read(at: &str) -> Result<u64, Failed> {
+    let mut stream = TcpStream::connect(at)?;
+    write!(stream, "GET /links HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n\r\n")?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer)?;
+    let (_, body) = answer.split_once("\r\n\r\n").ok_or("no answer of the relay")?;
+    let links: Value = serde_json::from_str(body)?;
+    let culler = links.as_array().into_iter().flatten().find(|link| link["peer"] == "culler 1");
+    let received = culler.and_then(|link| link["received"].as_object()).ok_or("the relay has no culler")?;
+    let of_frames = ["begin_bytes", "id_bytes", "end_bytes", "header_bytes"];
+    Ok(of_frames.iter().filter_map(|key| received.get(*key)?.as_u64()).sum())
+}

@@ -1,0 +1,149 @@
+//! A relay's process, and that of a display that watches.
+
+use std::{fs, path::Path, sync::Arc};
+
+use tokio::runtime::Runtime;
+use trimaran::{
+    config::{ConfigError, PeerFiles, RelayConfig, WatcherConfig, security},
+    metrics::LinkMetrics,
+    vulkan::VulkanDisplay,
+};
+use trimaran_actors::{
+    BoxedError, CullerEvent, Observer, PeerEndpoint, Peers, PeersConfig, Relay, RelayEndpoints, RelayError,
+    RoleError, ScenePictures, ShownFrame, Turns, WatcherRole, max_frame,
+};
+use trimaran_cull::{Image, RgbImage};
+use trimaran_proto::{FrameNumber, Identity, LodRule, Role, Settings, Viewport};
+use trimaran_transport::{Endpoint, Endpoints, Options, UdpMode};
+
+use super::{
+    Failure,
+    walking::{Metrics, Start, gpu_options, scene, upload},
+};
+
+/// Passes on frames until it is stopped.
+pub(super) fn relay(
+    (config, options): &(RelayConfig, Options),
+    until_input_ends: bool,
+    runtime: &Runtime,
+) -> Result<(), Failure> {
+    if options.udp.mode == UdpMode::Deadline {
+        let why = "a relay passes on whole frames: leave it at reliable";
+        return Err(Failure::bad_input(ConfigError::Value { key: "udp.mode", why }));
+    }
+    let peers = [
+        PeerFiles { name: "peers.upstream", role: Some(Role::Culler), paths: &config.peers.upstream },
+        PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: &config.peers.displays },
+    ];
+    let endpoints = config.upstream.iter().chain(config.listen.iter());
+    let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let options = options.clone().with_security(known);
+    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
+        return Ok(());
+    };
+    let endpoint = the_one("upstream", &config.upstream)?;
+    let upstream = PeerEndpoint { endpoint, options: options.clone() };
+    let at = RelayEndpoints { upstream, listen: config.listen.clone(), options };
+    let links = metrics.links();
+    let watch: trimaran_actors::WatchLink = Arc::new(move |kind, link| Box::new(links.watch(kind, link)));
+    let join = async || {
+        let started = Relay::start(&start.net, at.clone(), Arc::clone(&watch)).await;
+        started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
+    };
+    let Some(relay) = start.until(join)? else { return Ok(()) };
+    if !until_input_ends {
+        eprintln!("trimaran: the relay listens on {}", relay.endpoints());
+    }
+    runtime.block_on(relay.run(&start.stop)).map_err(|error: RelayError| Failure::bad_input(error))
+}
+
+/// Draws the frames of a relay until it is stopped.
+pub(super) fn watcher(
+    (config, options): &(WatcherConfig, Options),
+    until_input_ends: bool,
+    runtime: &Runtime,
+) -> Result<(), Failure> {
+    let peers = [PeerFiles { name: "peers.relay", role: Some(Role::Culler), paths: &config.peers.relay }];
+    let known = security(options, config.relay.iter(), config.keys.as_deref(), &peers);
+    let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
+    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
+    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
+    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    options.link.max_frame = max_frame(&file.scene);
+    let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
+        return Ok(());
+    };
+    // The first frame's view state has the size of the picture, and its levels.
+    let small = Viewport::new(64, 64).map_err(Failure::broken)?;
+    let settings = Settings::new(small, LodRule::new(2.0).map_err(Failure::broken)?);
+    let display = VulkanDisplay::new(&drawn, settings.viewport).map_err(Failure::broken)?;
+    let outline = file.scene.outline();
+    let endpoint = the_one("relay", &config.relay)?;
+    let sought = PeersConfig {
+        identity: Identity { role: Role::Display, scene: Some(outline), session: None },
+        role: Role::Relay,
+        endpoints: vec![PeerEndpoint { endpoint, options }],
+        listener: None,
+        most: 1,
+    };
+    let role = WatcherRole {
+        work: ScenePictures::new(&file.scene, display, &settings),
+        relay: runtime.block_on(async { Peers::seek(&start.net, sought) }),
+        drawables: outline.drawables,
+        objects: outline.objects,
+        net: Arc::clone(&start.net),
+        turns: Turns::at_once(),
+    };
+    let mut seen = Seen { links: metrics.links(), keeps: config.picture.is_some(), last: None };
+    let watched = runtime.block_on(role.run(&mut seen, &start.stop));
+    watched.map_err(|error| match error {
+        RoleError::Join(_) => Failure::bad_input(error),
+        error => Failure::broken(error),
+    })?;
+    match (&config.picture, &seen.last) {
+        (Some(path), Some(picture)) => save(path, picture),
+        (Some(_), None) => Err(Failure::stopped("no frame has come: there is no picture")),
+        (None, _) => Ok(()),
+    }
+}
+
+/// The endpoint of a key that names one.
+fn the_one(key: &'static str, endpoints: &Endpoints) -> Result<Endpoint, Failure> {
+    let missing = || Failure::bad_input(ConfigError::Value { key, why: "give one endpoint" });
+    endpoints.iter().next().cloned().ok_or_else(missing)
+}
+
+fn save(path: &Path, picture: &Image) -> Result<(), Failure> {
+    let picture = RgbImage::of(picture).ok_or_else(|| Failure::broken("the last picture has no pixels"))?;
+    let file = picture.encode(png::Compression::Fast).map_err(Failure::broken)?;
+    fs::write(path, file)
+        .map_err(|cause| Failure::broken(format!("cannot write {}: {cause}", path.display())))
+}
+
+/// Keeps the last picture, and shows the link's traffic.
+struct Seen {
+    links: LinkMetrics,
+    keeps: bool,
+    last: Option<Image>,
+}
+
+impl Observer for Seen {
+    fn wants_picture(&self, _: FrameNumber) -> bool {
+        self.keeps
+    }
+
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.last = frame.picture.cloned().or_else(|| self.last.take());
+        Ok(())
+    }
+
+    fn culler(&mut self, event: CullerEvent<'_>) {
+        match event {
+            CullerEvent::Came(_, link) => self.links.add("relay".to_owned(), link),
+            CullerEvent::Left(..) => self.links.remove("relay"),
+            _ => {}
+        }
+    }
+}
