@@ -12,10 +12,10 @@ use trimaran_transport::{Instant, LinkConfig, Options, sleep_until};
 use crate::hosts::{Machines, acquainted, gigabit};
 
 /// How long both send before anything counts, and how long it counts then.
-const BEFORE: Duration = Duration::from_secs(10);
-const COUNTED: Duration = Duration::from_secs(30);
+const BEFORE: Duration = Duration::from_secs(6);
+const COUNTED: Duration = Duration::from_secs(12);
 /// The second one begins so much later.
-const LATER: Duration = Duration::from_secs(3);
+const LATER: Duration = Duration::from_secs(2);
 
 /// The result of sharing.
 #[derive(Debug)]
