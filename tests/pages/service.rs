@@ -412,7 +412,8 @@ fn a_page_goes_on_with_several_cullers_and_with_two_that_take_turns() {
         assert!(look["frame"].as_u64() > before["frame"].as_u64(), "{chosen}");
         let Difference { drawables, pixels, .. } = difference(&look, &scene);
         assert_eq!(drawables, [], "{chosen}");
-        assert!(pixels < 0.01, "{chosen}: {pixels}");
+        // The walk ends anywhere: many edges may be in sight.
+        assert!(pixels < 0.02, "{chosen}: {pixels}");
         before = look;
     }
 }
