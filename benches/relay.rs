@@ -1,4 +1,4 @@
-//! What a relay adds: culls, bytes and latency, for one display that leads and many that watch.
+//! The culls, bytes and latency that a relay adds, for one display that leads and many that watch.
 //!
 //! `cargo bench --bench relay -- X.scene [SECONDS [PROGRAM]]`: 10 s for each row, and the program of this
 //! build, if not given. The leader walks an automatic path of 120 poses over tcp, 30 a second, first without
@@ -90,7 +90,7 @@ struct Walk<'w> {
     seconds: u32,
 }
 
-/// What displays note of frames.
+/// The notes of displays about frames.
 #[derive(Default)]
 struct Notes {
     /// When the leader asked for each.

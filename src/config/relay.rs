@@ -1,4 +1,4 @@
-//! What a relay and a display that watches can be told.
+//! The settings of a relay and of a display that watches.
 
 use std::{net::SocketAddr, path::PathBuf};
 

@@ -37,7 +37,7 @@ fn share(schemes: [&'static str; 2], packets: u32, seed: u64) -> Shared {
     way.queue = QueueModel { packets, ..QueueModel::default() };
     let mut topology = Topology::new();
     let hosts = [topology.host("here"), topology.host("there")];
-    // What queues at a sender's own host holds it back. The bottleneck is behind that.
+    // A queue at a sender's own host holds it back. The bottleneck is behind that.
     let router = topology.switch("router");
     topology.join(topology.node(hosts[0]), router, gigabit(), gigabit());
     topology.join(router, topology.node(hosts[1]), way, back);

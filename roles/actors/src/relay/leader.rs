@@ -111,7 +111,7 @@ async fn serve(
     let _unheard = link.close(why).await;
 }
 
-/// What a leader asks for.
+/// A leader's request.
 struct Requests {
     hub: Arc<Hub>,
     ask: watch::Sender<Asked>,
