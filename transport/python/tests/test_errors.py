@@ -124,6 +124,8 @@ def test_ctrl_c_ends_a_wait(wait: str) -> None:
     program = f"""
 import signal, threading, time, os
 import trimaran_transport as tt
+# A program in the background of a shell is begun deaf to it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 P = tt.Protocol("x/1")
 listener = tt.listen("tcp://127.0.0.1:0", P)
 link = tt.connect(listener.endpoint, P)
