@@ -41,6 +41,11 @@ impl From<Role> for String {
 #[repr(transparent)]
 pub struct SessionKey(pub u64);
 
+/// The number by which displays follow another one. That one chooses it, and tells it to whomever it likes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(transparent)]
+pub struct LeaderKey(pub u64);
+
 /// A peer's role, scene and session.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Identity {

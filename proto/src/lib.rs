@@ -50,7 +50,7 @@ pub use camera::{Camera, CameraError};
 pub use coding::{CodedViolation, CodingFault, IdDecoder, IdEncoder};
 pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash, ViewVersion};
 pub use id_coding::IdCoding;
-pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
+pub use identity::{CloseCode, Identity, LeaderKey, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
 pub use object_set::{ObjectSet, ObjectSetError};
 pub use occlusion_test::OcclusionTestKind;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FrameNumber, FrameStats, SessionKey, ViewVersion};
+use crate::{FrameNumber, FrameStats, LeaderKey, SessionKey, ViewVersion};
 
 /// Messages between roles, beside cameras and ids.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,5 +55,36 @@ pub enum RoleMessage {
     Waits {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
+    },
+    /// Other displays of this culler may follow the display from now on.
+    Lead {
+        /// The number by which they follow it, chosen by the display.
+        leader: LeaderKey,
+    },
+    /// The display asks for the frames of another one in place of its own.
+    Follow {
+        /// The number of the other display.
+        leader: LeaderKey,
+    },
+    /// The display goes on with its own cameras.
+    Unfollow {
+        /// As in [`RoleMessage::Follow`].
+        leader: LeaderKey,
+    },
+    /// The culler sends the leader's frames. Its view states follow as [`RoleMessage::View`], in the leader's
+    /// versions.
+    Followed {
+        /// As in [`RoleMessage::Follow`].
+        leader: LeaderKey,
+        /// The first frame of the link that is not the display's own.
+        first: FrameNumber,
+    },
+    /// The culler answers to the display's own cameras: the display asked for it, or nobody leads by this
+    /// number (any more).
+    Unfollowed {
+        /// As in [`RoleMessage::Follow`].
+        leader: LeaderKey,
+        /// The first frame of the link that is the display's own again.
+        first: FrameNumber,
     },
 }

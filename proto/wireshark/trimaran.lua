@@ -18,7 +18,10 @@ local VERSION = 4
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/3", 72, 80
 local ROLES = { [0] = "culler", "display", "relay" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
-local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits" }
+local MESSAGES = {
+  [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits",
+  "lead", "follow", "unfollow", "followed", "unfollowed",
+}
 -- Items of blocks: what a display says, and what a culler sends.
 local DEMANDS = { [0] = "begin", "end", "holds", "lacks", "dropped", "taken", "shown" }
 local SUPPLIES = { [0] = "entries", "geometry", "stand-in", "ahead" }
@@ -96,6 +99,8 @@ local f = {
   view = ProtoField.uint32("trimaran.view", "View state"),
   view_part = ProtoField.bytes("trimaran.view.part", "Bytes of it"),
   view_last = ProtoField.bool("trimaran.view.last", "Last part"),
+  leader = ProtoField.uint64("trimaran.leader", "Leader", base.HEX),
+  led_from = ProtoField.uint32("trimaran.leader.first", "From frame of the link on"),
   switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
   block = ProtoField.bytes("trimaran.block", "Bytes of the block"),
   demand = ProtoField.uint8("trimaran.demand", "Demand", base.DEC, DEMANDS),
@@ -451,6 +456,7 @@ local function said(r, tree)
   local what = add_varint(tree, f.said, r)
   if what == 0 then return stats(r, tree) end
   if (what >= 1 and what <= 5) or what == 8 then add_wide(tree, f.meeting, r) end
+  if what >= 9 and what <= 13 then add_wide(tree, f.leader, r) end
   if what == 1 and r.take(1):uint() == 1 then add_text(tree, f.meet_at, r) end
   if what == 7 then
     local version = add_varint(tree, f.view, r)
@@ -458,6 +464,9 @@ local function said(r, tree)
     tree:add(f.view_part, part)
     tree:add(f.view_last, r.take(1))
     return "view state " .. version .. ", " .. part:len() .. " bytes of it"
+  end
+  if what == 12 or what == 13 then
+    return MESSAGES[what] .. " from frame " .. add_varint(tree, f.led_from, r) .. " on"
   end
   if what == 4 then return "switch from frame " .. add_varint(tree, f.switch_from, r) .. " on" end
   return MESSAGES[what] or "message of another kind"

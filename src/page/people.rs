@@ -1,6 +1,6 @@
 //! The people on a service: each page sends its person's pose, and gets those of the others.
 
-use std::{collections::HashMap, time::Duration};
+use std::{collections::HashMap, num::ParseIntError, time::Duration};
 
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ struct Known {
     number: u32,
     asker: Asker,
     pose: Pose,
+    leader: Option<Leader>,
+    follows: Option<u32>,
     at: Instant,
 }
 
@@ -57,6 +59,29 @@ pub(super) struct Pose {
 pub(super) struct Here {
     page: String,
     pose: Pose,
+    /// The number by which others follow its display, if it has a link.
+    leader: Option<Leader>,
+    /// The number of the person whose sets it shows.
+    follows: Option<u32>,
+}
+
+/// The number by which a display is followed, in hexadecimal: numbers in JSON have 53 bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+struct Leader(u64);
+
+impl TryFrom<String> for Leader {
+    type Error = ParseIntError;
+
+    fn try_from(hex: String) -> Result<Self, ParseIntError> {
+        u64::from_str_radix(&hex, 16).map(Self)
+    }
+}
+
+impl From<Leader> for String {
+    fn from(Leader(number): Leader) -> Self {
+        format!("{number:x}")
+    }
 }
 
 /// The answer to it.
@@ -64,6 +89,9 @@ pub(super) struct Here {
 pub(super) struct Company {
     /// Its own number: people are numbered as they come.
     you: u32,
+    /// Whether another one shows its sets.
+    #[serde(rename = "isFollowed")]
+    is_followed: bool,
     others: Vec<Person>,
 }
 
@@ -72,6 +100,8 @@ pub(super) struct Company {
 struct Person {
     number: u32,
     pose: Pose,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    leader: Option<Leader>,
 }
 
 /// A page's message is invalid. The text says why.
@@ -100,7 +130,7 @@ impl People {
     pub(super) fn meet(
         &self,
         asker: Asker,
-        Here { page, pose }: Here,
+        Here { page, pose, leader, follows }: Here,
         now: Instant,
     ) -> Result<Company, NoPlace> {
         if page.len() > LONGEST_NAME {
@@ -121,12 +151,16 @@ impl People {
                 *last
             }
         };
-        people.insert(page, Known { number: you, asker, pose, at: now });
+        people.insert(page, Known { number: you, asker, pose, leader, follows, at: now });
         let others = people.values().filter(|known| known.number != you);
-        let mut others: Vec<_> =
-            others.map(|known| Person { number: known.number, pose: known.pose.clone() }).collect();
+        let person = |known: &Known| {
+            let Known { number, leader, .. } = *known;
+            Person { number, pose: known.pose.clone(), leader }
+        };
+        let mut others: Vec<_> = others.map(person).collect();
         others.sort_unstable_by_key(|person| person.number);
-        Ok(Company { you, others })
+        let is_followed = people.values().any(|known| known.follows == Some(you));
+        Ok(Company { you, is_followed, others })
     }
 }
 
@@ -149,7 +183,7 @@ mod tests {
 
     fn here(page: &str, x: f64) -> Here {
         let pose = Pose { eye: [x, 0.0, 0.0], forward: [0.0, 0.0, -1.0], vfov_deg: 60.0 };
-        Here { page: page.to_owned(), pose }
+        Here { page: page.to_owned(), pose, leader: None, follows: None }
     }
 
     fn asker(number: u8) -> Asker {
@@ -203,7 +237,9 @@ mod tests {
         let people = People::default();
         let meet = |eye, forward, vfov_deg| {
             let pose = Pose { eye, forward, vfov_deg };
-            people.meet(asker(1), Here { page: "a".to_owned(), pose }, at(0)).map(|company| company.you)
+            people
+                .meet(asker(1), Here { page: "a".to_owned(), pose, leader: None, follows: None }, at(0))
+                .map(|company| company.you)
         };
         let ahead = [0.0, 0.0, -1.0];
         assert_eq!(meet([1e9, -1e9, 0.0], ahead, 60.0), Ok(1));
@@ -216,6 +252,31 @@ mod tests {
             ([f64::NAN, 0.0, 0.0], ahead, 60.0),
         ] {
             assert_eq!(meet(eye, forward, vfov_deg), Err(NoPlace::Pose), "{eye:?} {forward:?} {vfov_deg}");
+        }
+    }
+
+    #[test]
+    fn a_display_is_followed_by_its_number() {
+        let read = |leader: &str| {
+            let pose = r#"{"eye":[0,0,0],"forward":[0,0,-1],"vfovDeg":60}"#;
+            serde_json::from_str(&format!(r#"{{"page":"a","pose":{pose}{leader}}}"#))
+        };
+        let people = People::default();
+        let here: Here = read(r#","leader":"ffffffffffffffff""#).unwrap();
+        people.meet(asker(1), here, at(0)).unwrap();
+        let company =
+            people.meet(asker(1), Here { page: "b".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
+        let told = serde_json::to_value(&company).unwrap();
+        assert_eq!(told["others"][0]["leader"], "ffffffffffffffff");
+        assert_eq!(told["isFollowed"], false);
+        people
+            .meet(asker(1), Here { page: "b".to_owned(), ..read(r#","follows":1"#).unwrap() }, at(0))
+            .unwrap();
+        let company =
+            people.meet(asker(1), Here { page: "a".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
+        assert!(company.is_followed);
+        for wrong in [r#","leader":"x""#, r#","leader":7"#, r#","leader":"10000000000000000""#] {
+            assert!(read(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -328,13 +328,13 @@ fn a_page_walks_on_over_another_network() {
     assert!(figures["ids received"].as_str().unwrap().contains("by 4 bytes each"), "{figures}");
 }
 
-/// Two people on one service, each with a picture of their own; one follows the other for a while.
+/// Two people on one service, one of them with a much wider picture; that one follows the other for a while.
 #[test]
 fn a_person_follows_another_one() {
     let bench = Bench::with_plant(100);
     let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
     let Some(mut first) = Browser::start(300, 300) else { return };
-    let mut second = Browser::start(300, 200).unwrap();
+    let mut second = Browser::start(700, 200).unwrap();
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     first.done(json!({ "do": "open", "url": service.url() }));
     first.done(json!({ "do": "settle" }));
@@ -357,7 +357,13 @@ fn a_person_follows_another_one() {
     let is_there = (0..1000).any(|_| far(&pose(&mut second), &there) < 1e-9);
     assert!(is_there, "{:?} is not {there:?}", pose(&mut second));
     second.done(json!({ "do": "settle" }));
-    let Difference { drawables, .. } = difference(&second.done(json!({ "do": "look" })), &scene);
+    let look = second.done(json!({ "do": "look" }));
+    assert_eq!(
+        [look["width"].as_u64(), look["height"].as_u64()],
+        [Some(450), Some(128)],
+        "the leader's pixels"
+    );
+    let Difference { drawables, .. } = difference(&look, &scene);
     assert_eq!(drawables, [], "at rest it is exact");
     // Using the controls ends following.
     second.done(json!({ "do": "hold", "key": "KeyS", "milliseconds": 300 }));

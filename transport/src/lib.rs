@@ -137,7 +137,7 @@ pub use handshake::{HandshakeError, HelloTooLong};
 pub use lane_transport::{Introduction, LaneTransport, Listened};
 pub use lanes::blobs::{BlobError, BlobEvent, BlobReceiver, BlobSender};
 pub use lanes::bulk::{BulkReceiver, BulkSender};
-pub use lanes::frames::{FrameReceiver, FrameSender, KeepLast, WholeFrame};
+pub use lanes::frames::{FrameReceiver, FrameSender, KeepLast, SharedFrame, SharedFrames, WholeFrame};
 pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};

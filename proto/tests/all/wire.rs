@@ -6,7 +6,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, CullCounts, Demand, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
-    Identity, LodRule, NumberList, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash,
+    Identity, LeaderKey, LodRule, NumberList, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash,
     SceneOutline, Section, SectionPlane, Sections, SessionKey, Settings, Supply, ViewReader, ViewState,
     ViewVersion, Viewport, Walkthrough, items, put_item,
 };
@@ -28,6 +28,7 @@ fn camera() -> Camera {
 const VIEW: ViewVersion = ViewVersion(3);
 
 const KEY: SessionKey = SessionKey(0x5eed);
+const LEADER: LeaderKey = LeaderKey(7);
 
 const SCENE: SceneOutline =
     SceneOutline { hash: SceneHash(0x1234), nodes: 400, drawables: 600, geometries: 250, objects: 100 };
@@ -100,12 +101,13 @@ fn view() -> ViewState {
     }
 }
 
-fn said() -> [(&'static str, RoleMessage); 4] {
+fn said() -> [(&'static str, RoleMessage); 5] {
     [
         ("stats", RoleMessage::Stats(stats())),
         ("meet", RoleMessage::Meet { key: KEY, at: Some("tcp://two:7400".to_owned()) }),
         ("switch", RoleMessage::Switch { key: KEY, first: FrameNumber(8) }),
         ("view", view().to_messages(VIEW).unwrap().remove(0)),
+        ("followed", RoleMessage::Followed { leader: LEADER, first: FrameNumber(5) }),
     ]
 }
 
@@ -275,6 +277,11 @@ fn the_tables_of_lengths_and_codes_are_the_crates() {
         ("part", RoleMessage::Part),
         ("view", view().to_messages(VIEW).unwrap().remove(0)),
         ("waits", RoleMessage::Waits { key: KEY }),
+        ("lead", RoleMessage::Lead { leader: LEADER }),
+        ("follow", RoleMessage::Follow { leader: LEADER }),
+        ("unfollow", RoleMessage::Unfollow { leader: LEADER }),
+        ("followed", RoleMessage::Followed { leader: LEADER, first }),
+        ("unfollowed", RoleMessage::Unfollowed { leader: LEADER, first }),
     ] {
         let number = postcard(&message)[0];
         assert!(WIRE.contains(&format!("| {number} | {name} |")), "no row of {name}");

@@ -38,7 +38,7 @@
 //! | `relay` | one display's frames for many displays that watch |
 //! | `service`, `local` | a culler as a service; all roles in one process |
 //! | `limits` | the limits of sessions |
-//! | `sharing`, `shared_sets` | objects that sessions share: visible sets, packed geometry |
+//! | `sharing`, `shared_sets`, `leads` | objects that sessions share: visible sets, leaders, packed geometry |
 //! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
 //! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
 
@@ -48,6 +48,7 @@ mod device;
 mod driver;
 mod ids;
 mod join;
+mod leads;
 mod limits;
 mod links;
 mod local;
@@ -72,6 +73,7 @@ pub use driver::{
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};
+pub use leads::LeadError;
 pub use limits::{Lease, LimitError, SessionLimits};
 pub use links::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,

@@ -1,14 +1,16 @@
 //! Objects that the sessions of one service share.
 
 use crate::{
+    leads::Leads,
     shared_sets::SharedSets,
     supply::{Packed, PackingCounts},
 };
 
-/// Visible sets and packed geometry of a service's sessions. Clones are the same objects.
+/// Visible sets, leaders and packed geometry of a service's sessions. Clones are the same objects.
 #[derive(Debug, Clone, Default)]
 pub struct Sharing {
     pub(crate) sets: SharedSets,
+    pub(crate) leads: Leads,
     pub(crate) packed: Packed,
 }
 

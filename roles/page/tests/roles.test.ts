@@ -234,6 +234,11 @@ test("each message of a role has its number and reads back", () => {
     [6, { what: "part" }],
     [7, { what: "view", version: 1, part: Uint8Array.of(1, 2), isLast: false }],
     [8, { what: "waits", key }],
+    [9, { what: "lead", leader: key }],
+    [10, { what: "follow", leader: key }],
+    [11, { what: "unfollow", leader: key }],
+    [12, { what: "followed", leader: key, firstFrame: 7 }],
+    [13, { what: "unfollowed", leader: key, firstFrame: 0xffff_ffff }],
   ];
   for (const [number, message] of said) {
     const bytes = encodeRoleMessage(message);
@@ -245,7 +250,7 @@ test("each message of a role has its number and reads back", () => {
     );
     assert.throws(() => decodeRoleMessage(bytes.subarray(0, -1)), WireError);
   }
-  assert.throws(() => decodeRoleMessage(Uint8Array.of(9)), WireError);
+  assert.throws(() => decodeRoleMessage(Uint8Array.of(14)), WireError);
 });
 
 test("each number of the stats is read in its place", () => {

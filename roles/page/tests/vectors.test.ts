@@ -182,6 +182,7 @@ testPage(PROTO, FORMAT, {
   }),
   meet: said({ what: "meet", key: KEY, endpoint: "tcp://two:7400" }),
   switch: said({ what: "switch", key: KEY, firstFrame: 8 }),
+  followed: said({ what: "followed", leader: 7n, firstFrame: 5 }),
   view: {
     kind: Kind.message,
     check(payload) {

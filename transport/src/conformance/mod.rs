@@ -167,6 +167,7 @@ macro_rules! conformance_cases {
                 who_subscribes_late_gets_the_last_frame,
                 published_frames_are_coded_for_whoever_can_read_them,
                 a_dead_subscriber_leaves,
+                links_send_shared_frames_between_their_own,
                 a_quiet_peer_is_no_dead_peer,
                 a_deadline_leaves_the_link_usable,
                 polling_takes_what_is_there,

@@ -8,8 +8,8 @@ use super::pairs::Pairs;
 use super::robot::Robot;
 use super::talk::{batches_of, patient, points, receive, send_frame, start};
 use crate::{
-    Batching, FrameReceiver, KeepLast, Left, LinkConfig, Published, Publisher, RecvError, SubscriberId,
-    SubscriberStats, WhenBehind,
+    Batching, FrameNumber, FrameReceiver, KeepLast, Left, LinkConfig, Published, Publisher, RecvError,
+    SharedFrames, SubscriberId, SubscriberStats, WhenBehind,
 };
 
 /// Publishes this frame of points.
@@ -136,6 +136,52 @@ pub async fn published_frames_are_coded_for_whoever_can_read_them(pairs: &impl P
             assert_eq!(bytes < plainly / 2, pairs.overhead().coded, "{bytes} of {plainly} bytes");
         }
     }
+}
+
+/// Two links send the same frames, under numbers of their own and between frames of their own. One of them
+/// leaves out some.
+pub async fn links_send_shared_frames_between_their_own(pairs: &impl Pairs) {
+    const FRAMES: u32 = 60;
+    const POINTS: u32 = 3_000;
+    let plain = batches_of(1000);
+    let config = LinkConfig { batching: Batching { coded: true, ..plain.batching }, ..plain };
+    let mut shared = SharedFrames::new(&config);
+    let (mut arm, mut panel) = pairs.pair(config).await;
+    let (mut other_arm, mut other) = pairs.pair(config).await;
+    let (mut number, mut other_number) = (0, 100);
+    let content = |frame: u32| {
+        let mut all = points(POINTS);
+        all[frame as usize..frame as usize + 3].fill(frame);
+        all
+    };
+    for frame in 0..FRAMES {
+        let all = content(frame);
+        if frame % 20 == 0 {
+            send_frame(&mut arm.frames_tx, number, &all).await.unwrap();
+            let own = receive(&mut panel.frames_rx).await.unwrap();
+            assert!(own.start.frame.0 == number && own.points == all, "frame {frame}");
+            number += 1;
+        }
+        let put = shared.put(start(frame), &all).unwrap();
+        let links = [
+            (&mut arm, &mut panel, &mut number, true),
+            (&mut other_arm, &mut other, &mut other_number, frame < 20 || frame.is_multiple_of(3)),
+        ];
+        for (arm, panel, number, is_sent) in links {
+            if is_sent {
+                let end = arm.frames_tx.send_shared(&put, FrameNumber(*number)).await.unwrap();
+                let got = receive(&mut panel.frames_rx).await.unwrap();
+                assert_eq!((got.start.frame, got.end), (FrameNumber(*number), end));
+                assert_eq!(got.start.header, start(frame).header, "frame {frame}");
+                assert!(got.points == all, "frame {frame}");
+                *number += 1;
+            }
+        }
+    }
+    // At least a third of the frames came coded.
+    let plainly = u64::from(FRAMES + 3) * u64::from(POINTS) * 4;
+    let bytes = panel.stats.read().received.batches.bytes;
+    assert_eq!(bytes < 2 * plainly / 3, pairs.overhead().coded, "{bytes} of {plainly} bytes");
 }
 
 /// A subscriber whose peer is gone leaves with an error, and the others stay.

@@ -225,7 +225,7 @@ impl<P: Protocol> State<P> {
         };
         self.last = Some((number, first));
         self.stats.sent += 1;
-        sender.stage_whole(frame, first)
+        sender.stage_whole(frame, number, first)
     }
 }
 

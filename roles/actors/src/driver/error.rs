@@ -12,6 +12,7 @@ use crate::{
     device::CullerDevice,
     ids::IdError,
     join::JoinError,
+    leads::LeadError,
     supply::{SupplyError, SupplyFault},
 };
 
@@ -67,6 +68,9 @@ pub enum RoleError {
     /// The display's geometry cannot be sent.
     #[error("the display cannot be supplied")]
     Supply(#[source] Box<SupplyFault>),
+    /// The display's frames cannot be passed on.
+    #[error("the display cannot be followed")]
+    Lead(#[source] Box<LeadError>),
     /// The device failed, and is unusable.
     #[error("the device failed while {doing}")]
     Device {
@@ -198,6 +202,12 @@ pub enum LinkError {
     /// Sending failed.
     #[error(transparent)]
     Send(#[from] SendError),
+}
+
+impl From<LeadError> for RoleError {
+    fn from(cause: LeadError) -> Self {
+        Self::Lead(Box::new(cause))
+    }
 }
 
 impl From<SupplyFault> for RoleError {

@@ -54,6 +54,8 @@ struct Shared {
 struct News {
     /// The view state, if it has changed.
     state: Option<Arc<ViewState>>,
+    /// Whether the display follows another one, if that has changed.
+    follows: Option<bool>,
     found: VecDeque<Found>,
     /// How many ids were found.
     ids: usize,
@@ -95,6 +97,11 @@ impl CullerEnd {
     /// Uses this view state for frames from now on.
     pub(crate) fn change_view(&self, state: &Arc<ViewState>) {
         self.shared.news.lock().state = Some(Arc::clone(state));
+    }
+
+    /// The display follows another one from now on, or does no longer.
+    pub(crate) fn change_following(&self, follows: bool) {
+        self.shared.news.lock().follows = Some(follows);
     }
 
     /// These were found visible from `view`.
@@ -170,6 +177,9 @@ impl Work {
         let Self { supplier, news, demands, has_room, now } = self;
         if let Some(state) = &news.state {
             supplier.change_view(state);
+        }
+        if let Some(follows) = news.follows {
+            supplier.change_following(follows);
         }
         for Found { view, ids, at } in &news.found {
             supplier.found(view, ids, *at);

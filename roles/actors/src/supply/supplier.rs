@@ -65,6 +65,8 @@ pub(crate) struct Supplier {
     rule: Option<CutRule>,
     /// Whether the display has requested anything.
     has_begun: bool,
+    /// Whether it follows another display: frames are not in its own numbers, so none is known to be shown.
+    follows: bool,
     /// Whether it wants coarser drawables first.
     coarser_first: bool,
     /// The ids of the newest frame before that: the first camera may overtake the request.
@@ -107,6 +109,7 @@ impl Supplier {
             packed: packed.clone(),
             rule: None,
             has_begun: false,
+            follows: false,
             coarser_first: false,
             early: Vec::new(),
             view: None,
@@ -131,6 +134,11 @@ impl Supplier {
     /// Uses this view state for frames from now on.
     pub(crate) fn change_view(&mut self, state: &ViewState) {
         self.rule = Some(CutRule::new(&self.scene, state));
+    }
+
+    /// The display follows another one from now on, or does no longer.
+    pub(crate) const fn change_following(&mut self, follows: bool) {
+        self.follows = follows;
     }
 
     /// These were found visible from `view`.
@@ -169,7 +177,7 @@ impl Supplier {
             Demand::Taken { bytes } => {
                 self.window.take(bytes, now).map_err(|NotSent| SupplyFault::NotSent)?;
             }
-            Demand::Shown { frame } => self.queue.shown(frame),
+            Demand::Shown { frame } if !self.follows => self.queue.shown(frame),
             _ => {}
         }
         Ok(())
@@ -259,6 +267,7 @@ impl Supplier {
 
     /// Sends a drawable for a frame, unless the display has it or it is on its way.
     fn need(&mut self, frame: FrameNumber, id: DrawableId) {
+        let frame = if self.follows { FrameNumber(u32::MAX) } else { frame };
         if self.scene.drawables().get(id.index()).is_none() || self.has(id) || self.queue.renew(id, frame) {
             return;
         }

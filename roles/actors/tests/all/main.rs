@@ -6,6 +6,7 @@ mod common;
 
 mod dealer;
 mod faults;
+mod following;
 mod meetings;
 mod packing;
 mod relay;

@@ -25,6 +25,7 @@ import type { Settings } from "../proto/settings.ts";
 import { type DisplayItem, dropped, holds, lacks, packBlocks } from "../proto/supply.ts";
 import { type ViewState, viewStateOf } from "../proto/viewState.ts";
 import { Dealing, type Schedule } from "./dealing.ts";
+import { Following } from "./following.ts";
 import { Holdings, type Store } from "./holdings.ts";
 import { Introduction } from "./introduction.ts";
 import { RecentSets } from "./recentSets.ts";
@@ -60,6 +61,8 @@ interface FoundSet {
   /** When the camera was published. */
   readonly posed: number;
   readonly isForeseen: boolean;
+  /** The leader's view state, if it is a leader's set. */
+  readonly led: ViewState | undefined;
   readonly ids: Uint32Array;
   lacking: Uint32Array;
 }
@@ -75,6 +78,8 @@ export interface Shown {
   readonly posed: number;
   /** Whether it has no stand-ins. */
   readonly isExact: boolean;
+  /** The leader's view state, if the display follows another one. */
+  readonly led: ViewState | undefined;
 }
 
 export class Display {
@@ -114,6 +119,10 @@ export class Display {
   /** Milliseconds from a camera until its missing geometry arrived, for the newest set that lacked some. */
   geometryLatency = 0;
   readonly timeline = new Timeline();
+  readonly #following = new Following();
+  /** Whether the frames taken last were a leader's. */
+  #isLed = false;
+  readonly #leaderKey = randomNumber();
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
 
@@ -161,6 +170,7 @@ export class Display {
       [display.shown, display.#whole] = [kept.shown, kept.#whole];
     }
     display.#listen();
+    display.#lead();
     return display;
   }
 
@@ -184,8 +194,11 @@ export class Display {
 
   /** Whether the shown set belongs to the newest camera, and is complete. */
   get isSettled(): boolean {
-    const isNewest = this.shown?.camera.frame === this.#frame && this.#owed === undefined;
-    return isNewest && this.shown?.isExact === true;
+    const { shown } = this;
+    const isNewest = shown?.camera.frame === this.#frame && this.#owed === undefined;
+    // A leader's numbers are not the display's own.
+    const isLed = shown?.led !== undefined;
+    return shown?.isExact === true && (this.leader === undefined ? isNewest && !isLed : isLed);
   }
 
   /**
@@ -194,7 +207,7 @@ export class Display {
    * frame.
    */
   publish(pose: Pose, isForeseen: boolean): number | undefined {
-    const dealt = this.#dealing.deal();
+    const dealt = this.#following.isAway ? undefined : this.#dealing.deal();
     this.#owed = dealt === undefined ? { pose, isForeseen } : undefined;
     if (dealt === undefined) {
       return undefined;
@@ -214,6 +227,30 @@ export class Display {
       for (const link of this.#links) {
         link.messages.send(message);
       }
+    }
+  }
+
+  /**
+   * By this number others on the service may follow this display. Nothing if its frames come from several
+   * cullers, or from another display.
+   */
+  get leaderKey(): bigint | undefined {
+    return this.#links.length === 1 && !this.#following.isAway ? this.#leaderKey : undefined;
+  }
+
+  /** The display that this one follows. */
+  get leader(): bigint | undefined {
+    return this.#following.leader;
+  }
+
+  /**
+   * Shows the sets of another display of the service, with its cameras and view states, in place of its own.
+   * Without a number it goes on by itself. A display with several cullers follows nobody.
+   */
+  follow(leader: bigint | undefined): void {
+    const message = this.#links.length === 1 ? this.#following.follow(leader) : undefined;
+    if (message !== undefined) {
+      this.#tell(message);
     }
   }
 
@@ -255,11 +292,53 @@ export class Display {
     }
   }
 
-  #takeFrame(culler: number, { header: camera, items: ids }: Frame<Camera, Uint32Array>): void {
-    const fault = faultOfIds(ids, this.outline.drawables);
+  #tell(message: RoleMessage): void {
+    this.#links[0]?.messages.send(message);
+  }
+
+  /** Lets others follow. */
+  #lead(): void {
+    if (this.#links.length === 1) {
+      this.#tell({ what: "lead", leader: this.#leaderKey });
+    }
+  }
+
+  #takeFrame(culler: number, frame: Frame<Camera, Uint32Array>): void {
+    const fault = faultOfIds(frame.items, this.outline.drawables);
     if (fault !== undefined) {
       throw new WireError(fault);
     }
+    if (culler === 0) {
+      this.#takeSorted(frame);
+    } else if (!this.#following.isAway) {
+      this.#takeOwn(culler, frame);
+    }
+  }
+
+  /** Takes the first culler's frames, as far as it is known whose they are. */
+  #takeSorted(frame?: Frame<Camera, Uint32Array>): void {
+    for (const { frame: sorted, led } of this.#following.sort(frame)) {
+      const isLed = led !== undefined;
+      if (isLed !== this.#isLed) {
+        // The numbers of frames are others.
+        this.#isLed = isLed;
+        this.#newestFound = 0;
+        this.#waiting.length = 0;
+      }
+      if (isLed) {
+        this.#takeLed(sorted, led);
+      } else {
+        this.#takeOwn(0, sorted);
+      }
+    }
+  }
+
+  #takeLed({ header: camera, items: ids }: Frame<Camera, Uint32Array>, led: ViewState): void {
+    this.counts.ids += ids.length;
+    this.#wait({ camera, posed: performance.now(), isForeseen: false, led, ids });
+  }
+
+  #takeOwn(culler: number, { header: camera, items: ids }: Frame<Camera, Uint32Array>): void {
     this.#dealing.came(culler, camera.frame);
     this.#publishOwed();
     if (camera.frame < this.#newestFound) {
@@ -278,11 +357,16 @@ export class Display {
         this.#asked.delete(number);
       }
     }
-    const lacking = this.holdings.lacking(ids);
+    this.#wait({ camera, posed, isForeseen, led: undefined, ids });
+  }
+
+  /** Shows a set once it can be shown. */
+  #wait(set: Omit<FoundSet, "lacking">): void {
+    const lacking = this.holdings.lacking(set.ids);
     if (lacking.length > 0) {
-      this.#say(lacks(camera.frame, this.#taken, lacking.slice().sort()));
+      this.#say(lacks(set.camera.frame, this.#taken, lacking.slice().sort()));
     }
-    this.#waiting.push({ camera, posed, isForeseen, ids, lacking });
+    this.#waiting.push({ ...set, lacking });
     if (this.#waiting.length > WAITING) {
       this.#waiting.splice(WAITING / 2, 1);
     }
@@ -292,6 +376,13 @@ export class Display {
   #takeMessage(culler: number, message: RoleMessage): void {
     if (message.what === "stats") {
       this.timeline.said(message.stats);
+    } else if (culler === 0 && this.#following.hear(message)) {
+      if (message.what === "unfollowed") {
+        // Following ended its own lead.
+        this.#lead();
+      }
+      this.#takeSorted();
+      this.#publishOwed();
     } else {
       this.#introduction?.hear(culler, message);
     }
@@ -382,7 +473,7 @@ export class Display {
     }
   }
 
-  #show({ camera, posed, isForeseen }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
+  #show({ camera, posed, isForeseen, led }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
     const found: DrawableRecord[] = [];
     for (const id of ids) {
       const record = this.holdings.record(id);
@@ -392,7 +483,7 @@ export class Display {
     }
     this.#recent.add({ posed, drawables: found });
     const drawables = isForeseen ? this.#recent.union() : found;
-    this.shown = { camera, posed, drawables, found, isExact };
+    this.shown = { camera, posed, drawables, found, isExact, led };
     const gone = this.holdings.use(drawables);
     if (gone.length > 0) {
       for (const set of this.#waiting) {
@@ -400,7 +491,7 @@ export class Display {
       }
       this.#say(dropped(gone));
     }
-    if (isExact) {
+    if (isExact && led === undefined) {
       this.#say([{ item: "shown", frame: camera.frame }]);
     }
   }

@@ -53,3 +53,8 @@ export function orientationOf(heading: number, pitch: number): [number, number, 
   const [sx, cx] = [Math.sin(pitch / 2), Math.cos(pitch / 2)];
   return [cy * sx, sy * cx, -sy * sx, cy * cx];
 }
+
+/** The viewing direction of a camera-to-world rotation. */
+export function forwardOf([x, y, z, w]: readonly [number, number, number, number]): Point {
+  return [-2 * (x * z + w * y), -2 * (y * z - w * x), -(1 - 2 * (x * x + y * y))];
+}

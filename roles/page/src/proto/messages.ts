@@ -5,6 +5,7 @@ import { STATS } from "./stats.ts";
 import { VIEW_PART, type ViewState, viewParts } from "./viewState.ts";
 
 const KEY = { key: u64 };
+const LEADER = { leader: u64 };
 
 /** The kinds of messages, in the order of their numbers. */
 export const ROLE_MESSAGE = tagged("what", {
@@ -17,6 +18,11 @@ export const ROLE_MESSAGE = tagged("what", {
   part: {},
   view: VIEW_PART,
   waits: KEY,
+  lead: LEADER,
+  follow: LEADER,
+  unfollow: LEADER,
+  followed: { ...LEADER, firstFrame: u32 },
+  unfollowed: { ...LEADER, firstFrame: u32 },
 });
 
 export type RoleMessage = Of<typeof ROLE_MESSAGE>;

@@ -95,4 +95,4 @@ function faultOf(section: Section): string | undefined {
 const MOST_PART = 16_000;
 
 /** The most bytes of a view state. */
-const MOST_BYTES = 4_194_304;
+export const MOST_BYTES = 4_194_304;

@@ -105,10 +105,26 @@ export interface PersonPose {
   readonly vfovDeg: number;
 }
 
+/** A page's person, for the others. */
+export interface Here {
+  readonly pose: PersonPose;
+  /** The number by which others follow its display, in hexadecimal. */
+  readonly leader: string | undefined;
+  /** The number of the person whose sets it shows. */
+  readonly follows: number | undefined;
+}
+
 /** The people on the same service. They are numbered as they come. */
 export interface Company {
   readonly you: number;
-  readonly others: readonly { readonly number: number; readonly pose: PersonPose }[];
+  /** Whether another page shows this one's sets. */
+  readonly isFollowed: boolean;
+  readonly others: readonly {
+    readonly number: number;
+    readonly pose: PersonPose;
+    /** The number by which the person's display is followed, in hexadecimal. */
+    readonly leader?: string;
+  }[];
 }
 
 /** How often the page retries while the service is busy. */
@@ -173,9 +189,9 @@ export class Service {
     return (await this.#ask("tile", { x, z })).arrayBuffer();
   }
 
-  /** Sends the person's pose, and returns the others'. */
-  async meet(pose: PersonPose): Promise<Company> {
-    const body = JSON.stringify({ page: this.#page, pose });
+  /** Sends what others see of the person, and returns the others. */
+  async meet(person: Here): Promise<Company> {
+    const body = JSON.stringify({ page: this.#page, ...person });
     const answer = await this.#send(this.#url("people", {}), { method: "POST", body });
     return (await answer.json()) as Company;
   }

@@ -94,7 +94,7 @@ export class Measuring {
     const metres = pictured.metresEach(picked.depth);
     // The error of an exact picture's levels. That of stand-ins is unknown.
     const pixel = (metres * canvas.clientHeight) / canvas.height;
-    const error = viewer.isExact ? viewer.epsilon.peek() * pixel : undefined;
+    const error = viewer.isExact ? viewer.errorPx * pixel : undefined;
     return {
       shown: { ...snap(place, drawable, triangles, pictured), error },
       aim: {

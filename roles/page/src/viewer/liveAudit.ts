@@ -59,7 +59,8 @@ export class LiveAudit {
       return;
     }
     const shown = this.#viewer.display?.shown;
-    if (shown?.camera.frame === sample.frame && shown.isExact) {
+    const isOwn = shown?.led === undefined;
+    if (isOwn && shown?.camera.frame === sample.frame && shown.isExact) {
       this.found.value = this.#audit(sample, shown.found);
       [this.#sample, this.#last] = [undefined, now];
     } else if (now - sample.at > LONGEST) {

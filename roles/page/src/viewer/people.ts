@@ -1,6 +1,8 @@
 /** The other people on the service, and following one of them. */
 
 import { signal } from "@preact/signals";
+import type { Shown } from "../display/display.ts";
+import { forwardOf } from "../navigate/gaze.ts";
 import { isForControl } from "../navigate/typing.ts";
 import type { Company, PersonPose } from "../service/service.ts";
 import { distance, lerp } from "../space/point.ts";
@@ -26,10 +28,12 @@ interface Lead {
 
 export class People {
   readonly #viewer: Viewer;
-  readonly company = signal<Company>({ you: 0, others: [] });
+  readonly company = signal<Company>({ you: 0, others: [], isFollowed: false });
   /** The number of the followed person. */
   readonly followed = signal<number | undefined>(undefined);
   #lead: Lead | undefined;
+  /** The leader's set at which the eye is. */
+  #shown: Shown | undefined;
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
@@ -52,7 +56,7 @@ export class People {
     const { navigator } = this.#viewer;
     const wasFree = this.followed.peek() === undefined;
     this.followed.value = number;
-    this.#lead = undefined;
+    [this.#lead, this.#shown] = [undefined, undefined];
     navigator.isHeld = number !== undefined;
     if (number !== undefined) {
       navigator.setMode("fly");
@@ -61,14 +65,28 @@ export class People {
         requestAnimationFrame(() => this.#step());
       }
     }
+    this.#subscribe();
+  }
+
+  /** Lets the display show the followed person's sets. A display with a new link is told again. */
+  #subscribe(): void {
+    const person = this.company.peek().others.find(({ number }) => number === this.followed.peek());
+    const leader = person?.leader === undefined ? undefined : BigInt(`0x${person.leader}`);
+    this.#viewer.display?.follow(leader);
   }
 
   async #meet(): Promise<void> {
     for (;;) {
-      const { navigator, service } = this.#viewer;
+      const { display, navigator, service } = this.#viewer;
       const { eye, forward, vfovDeg } = navigator;
       try {
-        this.company.value = await service.meet({ eye, forward, vfovDeg });
+        const follows = display?.leader === undefined ? undefined : this.followed.peek();
+        this.company.value = await service.meet({
+          pose: { eye, forward, vfovDeg },
+          leader: display?.leaderKey?.toString(16),
+          follows,
+        });
+        this.#viewer.isFollowed = this.company.peek().isFollowed;
         this.#lead = this.#leadAt(performance.now());
       } catch {
         // The link reports that the service is away.
@@ -80,6 +98,7 @@ export class People {
         this.#viewer.said.value = `Person ${followed} has left.`;
         this.follow(undefined);
       }
+      this.#subscribe();
       await new Promise((resolve) => setTimeout(resolve, others.length === 0 ? ALONE : TOGETHER));
     }
   }
@@ -101,11 +120,21 @@ export class People {
       return;
     }
     requestAnimationFrame(() => this.#step());
+    const { display, navigator, scene } = this.#viewer;
+    const shown = display?.shown;
+    if (display?.leader !== undefined) {
+      // The eye is where the shown set was culled for. There is none yet at first.
+      if (shown?.led !== undefined && shown !== this.#shown) {
+        this.#shown = shown;
+        navigator.follow(shown.camera.eye, forwardOf(shown.camera.orientation));
+      }
+      this.#zoomTo(this.#lead?.to.vfovDeg);
+      return;
+    }
     const lead = this.#lead;
     if (lead === undefined || lead.isReached) {
       return;
     }
-    const { navigator, scene } = this.#viewer;
     const { from, to, at } = lead;
     const isJump = distance(to.eye, navigator.eye) > JUMP * scene.eyeHeight;
     const share = isJump ? 1 : Math.min(1, (performance.now() - at) / TOGETHER);
@@ -115,10 +144,14 @@ export class People {
     } else {
       navigator.follow(eye, forward);
     }
-    const vfovDeg = from.vfovDeg + (to.vfovDeg - from.vfovDeg) * share;
-    if (navigator.vfovDeg !== vfovDeg) {
+    this.#zoomTo(from.vfovDeg + (to.vfovDeg - from.vfovDeg) * share);
+    this.#lead = { ...lead, isReached: share === 1 };
+  }
+
+  #zoomTo(vfovDeg: number | undefined): void {
+    const { navigator } = this.#viewer;
+    if (vfovDeg !== undefined && navigator.vfovDeg !== vfovDeg) {
       navigator.setVfov(vfovDeg);
     }
-    this.#lead = { ...lead, isReached: share === 1 };
   }
 }

@@ -36,6 +36,26 @@ export function sampling(
 }
 
 /**
+ * The picture that a set is right for on a screen of this size, with at most this tangent of half the vertical
+ * field of view. The set was culled for `culled`, with a picture of `set` pixels. The picture shows nothing
+ * beyond that one, and has no finer pixels: it has fewer than the screen, if need be.
+ */
+export function within(
+  screen: Size,
+  tanHalfFov: number,
+  culled: { readonly tanHalfFov: number },
+  set: Size,
+): Size & { readonly tanHalfFov: number } {
+  const most = Math.min(tanHalfFov, culled.tanHalfFov);
+  const rows = (set.height * most) / culled.tanHalfFov;
+  const share = Math.min(1, set.width / screen.width, rows / screen.height);
+  const width = Math.max(1, Math.floor(share * screen.width));
+  const height = Math.max(1, Math.floor(share * screen.height));
+  const across = (culled.tanHalfFov * set.width * height) / (set.height * width);
+  return { width, height, tanHalfFov: Math.min(most, across) };
+}
+
+/**
  * How much wider the culled view is than a picture of this size. The culling pixels of an eye at rest are as
  * large as the picture's, if the service allows it.
  */

@@ -1,7 +1,7 @@
 /** A canvas that shows the scene from a person's eye. */
 
 import { computed, effect, signal } from "@preact/signals";
-import type { Display } from "../display/display.ts";
+import type { Display, Shown } from "../display/display.ts";
 import type { Drawable, Look } from "../draw/model.ts";
 import { Projection } from "../draw/projection.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
@@ -15,7 +15,7 @@ import type { SceneDescription, Service } from "../service/service.ts";
 import type { Point } from "../space/point.ts";
 import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
-import { type Size, sampling, widerBy } from "./sampling.ts";
+import { type Size, sampling, widerBy, within } from "./sampling.ts";
 import { Session } from "./session.ts";
 import { type Distance, ViewHistory } from "./viewHistory.ts";
 
@@ -24,6 +24,8 @@ import { type Distance, ViewHistory } from "./viewHistory.ts";
  * slow down, or go around a corner.
  */
 const SPREAD = [0.6, 1.2, 1.8];
+/** The time for an eye that others follow: their eyes are where its sets were culled for, and go steadily. */
+const STEADY = 1.2;
 /** The least time between cameras, milliseconds. */
 const PERIOD = 30;
 /** How long after the last picture it is redrawn more finely, if none follows, milliseconds. */
@@ -50,6 +52,9 @@ export interface Offer {
 /** Called with the camera and drawables of a picture. */
 export type Overlay = (camera: Camera, drawables: readonly Drawable[]) => void;
 
+/** The set of a followed display. */
+type Led = Shown & { readonly led: ViewState };
+
 export class Viewer {
   readonly canvas: HTMLCanvasElement;
   readonly scene: SceneDescription;
@@ -58,6 +63,7 @@ export class Viewer {
   readonly navigator: Navigator;
   readonly session: Session;
   readonly view: ViewHistory;
+  readonly #modelSeeThrough: ObjectSet;
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
   /** Clicks add one object to the selection, or remove it. */
@@ -93,11 +99,16 @@ export class Viewer {
   #drawn: unknown;
   /** The camera of the shown picture: the eye may have been moved since. */
   #pictured: Camera | undefined;
+  /** Whether the picture is fitted to a leader's set. */
+  #isFitted = false;
+  /** Whether others see what this eye sees. */
+  isFollowed = false;
 
   /** `network` is the simulated one between the page and its culler; empty for none. */
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service, network: string) {
     [this.canvas, this.scene, this.service] = [canvas, scene, service];
-    this.view = new ViewHistory(ObjectSet.coded(scene.seeThrough));
+    this.#modelSeeThrough = ObjectSet.coded(scene.seeThrough);
+    this.view = new ViewHistory(this.#modelSeeThrough);
     this.renderer = new Renderer(canvas, {
       onRestored: () => {
         this.display?.loseGeometry();
@@ -106,7 +117,7 @@ export class Viewer {
     });
     this.navigator = new Navigator(canvas, scene, service);
     this.navigator.pointAt = (x, y, around) => this.pointAt(x, y, around);
-    this.#fit();
+    this.#fit(undefined);
     const options = () => ({
       settings: this.#settings(),
       memory: this.memory.peek(),
@@ -151,13 +162,29 @@ export class Viewer {
   /** The same, also if the link has ended since. */
   get isExact(): boolean {
     const { display } = this;
-    const isMoved = this.#isMoved || this.navigator.isMoved;
+    const isMoved = this.navigator.isMoved || (this.#isMoved && this.#led === undefined);
     return !isMoved && display?.isSettled === true && this.#drawn === display.shown;
   }
 
-  /** The camera of the present eye. */
+  /** The camera of the picture: of the present eye, or of the leader's set. */
   get camera(): Camera {
-    return this.#camera(1);
+    const led = this.#led;
+    if (led === undefined) {
+      return this.#camera(1);
+    }
+    const { tanHalfFov } = within(this.canvas, this.navigator.tanHalfFov, led.camera, led.led.pictureSize);
+    return { ...led.camera, tanHalfFov };
+  }
+
+  /** The largest silhouette error of an exact picture, pixels. */
+  get errorPx(): number {
+    return this.#led?.led.levelRule.epsilon ?? this.epsilon.peek();
+  }
+
+  /** The shown set, if it is that of a followed display. */
+  get #led(): Led | undefined {
+    const { leader, shown } = this.display ?? {};
+    return leader !== undefined && shown?.led !== undefined ? { ...shown, led: shown.led } : undefined;
   }
 
   /** The age of the pose for which the drawn set was culled, milliseconds. */
@@ -251,6 +278,9 @@ export class Viewer {
   shown(): readonly Drawable[] {
     const { hidden, isolated } = this.view.current.peek();
     const shown = this.display?.shown?.drawables ?? [];
+    if (this.display?.shown?.led !== undefined) {
+      return shown;
+    }
     if (hidden.isEmpty && isolated === undefined) {
       return shown;
     }
@@ -261,7 +291,10 @@ export class Viewer {
 
   /** How the picture differs from the plain model. */
   look(): Look {
-    const { sections, seeThrough } = this.view.current.peek();
+    const led = this.display?.shown?.led;
+    const own = this.view.current.peek();
+    const sections = led?.sections ?? own.sections;
+    const seeThrough = led ? (led.seeThrough ?? this.#modelSeeThrough) : own.seeThrough;
     return { sections, seeThrough, highlighted: this.selected.peek() };
   }
 
@@ -315,7 +348,12 @@ export class Viewer {
       this.#prediction.forget();
     }
     this.#prediction.add(now, this.navigator.pose);
-    if (this.#isMoved && !display.isOver && now - this.#published >= PERIOD) {
+    const isLed = this.#led !== undefined;
+    if (isLed || this.#isFitted) {
+      this.#isFitted = isLed;
+      this.#resize();
+    }
+    if (this.#isMoved && display.leader === undefined && !display.isOver && now - this.#published >= PERIOD) {
       // The set arrives when the eye has reached the predicted pose. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       this.#coarsen(foreseen !== undefined);
@@ -329,7 +367,7 @@ export class Viewer {
       this.#drawn = undefined;
     }
     if (hasMoved || display.shown !== this.#drawn) {
-      const [camera, drawables] = [this.#camera(1), this.shown()];
+      const [camera, drawables] = [this.camera, this.shown()];
       this.renderer.draw(camera, drawables, this.look());
       this.#pictured = camera;
       this.#drawn = display.shown;
@@ -354,11 +392,11 @@ export class Viewer {
 
   #foreseen(ahead: number): Pose | undefined {
     this.#turn = (this.#turn + 1) % SPREAD.length;
-    return this.#prediction.after(ahead * (SPREAD[this.#turn] ?? 1));
+    return this.#prediction.after(ahead * (this.isFollowed ? STEADY : (SPREAD[this.#turn] ?? 1)));
   }
 
   #resize(): void {
-    if (this.#fit()) {
+    if (this.#fit(this.#led)) {
       this.display?.change(this.#sampling());
       this.#isMoved = true;
       this.#drawn = undefined;
@@ -366,11 +404,16 @@ export class Viewer {
   }
 
   /** Fits the picture to its place on the screen. Returns whether its size changed. */
-  #fit(): boolean {
+  #fit(led: Led | undefined): boolean {
     const { canvas } = this;
     const scale = window.devicePixelRatio;
-    const width = Math.max(1, Math.round(canvas.clientWidth * scale));
-    const height = Math.max(1, Math.round(canvas.clientHeight * scale));
+    const own = {
+      width: Math.max(1, Math.round(canvas.clientWidth * scale)),
+      height: Math.max(1, Math.round(canvas.clientHeight * scale)),
+    };
+    const { width, height } = led
+      ? within(own, this.navigator.tanHalfFov, led.camera, led.led.pictureSize)
+      : own;
     const isOther = width !== canvas.width || height !== canvas.height;
     if (isOther) {
       [canvas.width, canvas.height] = [width, height];

@@ -35,27 +35,47 @@ impl<P: Protocol> PublishedFrame<P> {
         self.end.items
     }
 
-    /// Its messages, for a receiver that has every frame from `since` to the one before. Without that its
-    /// batches are plain.
-    pub(crate) fn messages(&self, since: Option<FrameNumber>) -> impl Iterator<Item = FrameMessage> + '_ {
-        let begin = FrameMessage::Begin { frame: self.number(), header: to_bytes(&self.start.header) };
+    /// Its totals, under another number.
+    pub(crate) const fn end_as(&self, frame: FrameNumber) -> FrameEnd {
+        FrameEnd { frame, ..self.end }
+    }
+
+    /// The first frame that a receiver needs to have to read its coded batches, if there are any.
+    pub(crate) fn coded_since(&self) -> Option<FrameNumber> {
+        self.coded.as_ref().map(|coded| coded.since)
+    }
+
+    /// Its messages under a number of the receiver's link, for a receiver that has every frame from `since`
+    /// to the one before. Without that its batches are plain.
+    pub(crate) fn messages(
+        &self,
+        number: FrameNumber,
+        since: Option<FrameNumber>,
+    ) -> impl Iterator<Item = FrameMessage> + '_ {
+        let begin = FrameMessage::Begin { frame: number, header: to_bytes(&self.start.header) };
         let coded = self
             .coded
             .as_ref()
             .filter(|coded| since.is_some_and(|since| since <= coded.since))
             .map(|coded| &coded.batches);
         let batches = coded.unwrap_or(&self.plain).iter().cloned();
-        std::iter::once(begin).chain(batches).chain([FrameMessage::End(self.end)])
+        std::iter::once(begin).chain(batches).chain([FrameMessage::End(self.end_as(number))])
     }
 
-    /// Its events, for a receiver in this process.
-    pub(crate) fn events(&self, item: usize) -> impl Iterator<Item = FrameEvent<P>> + '_ {
+    /// Its events under a number of the receiver's link, for a receiver in this process. `item`: the bytes of
+    /// an item.
+    pub(crate) fn events(
+        &self,
+        number: FrameNumber,
+        item: usize,
+    ) -> impl Iterator<Item = FrameEvent<P>> + '_ {
         let batches = self.plain.iter().filter_map(move |message| match message {
             FrameMessage::Batch(bytes) => Batch::of(bytes.clone(), item).ok().map(FrameEvent::Batch),
             _ => None,
         });
-        let end = FrameEvent::End(FrameOutcome::Complete(self.end));
-        std::iter::once(FrameEvent::Begin(self.start.clone())).chain(batches).chain([end])
+        let end = FrameEvent::End(FrameOutcome::Complete(self.end_as(number)));
+        let start = FrameStart { frame: number, header: self.start.header.clone() };
+        std::iter::once(FrameEvent::Begin(start)).chain(batches).chain([end])
     }
 }
 
@@ -161,7 +181,7 @@ mod tests {
             };
             self.last = Some((frame.number(), first));
             let mut items = Vec::new();
-            for message in frame.messages(Some(first)) {
+            for message in frame.messages(frame.number(), Some(first)) {
                 match message {
                     FrameMessage::Begin { frame, .. } => self.decoder.begin(frame),
                     FrameMessage::Batch(bytes) => {

@@ -6,6 +6,7 @@ use trimaran_wire::{
 };
 
 use super::published::PublishedFrame;
+use super::shared::{LastShared, SharedFrame};
 use crate::error::SendError;
 use crate::lanes::ends::{AnyTx, Sender, at_once, lost};
 use crate::lanes::trace::{FrameSpan, Way};
@@ -20,9 +21,11 @@ pub struct FrameSender<P: Protocol> {
     writer: FrameWriter<P::Item>,
     format: Format,
     /// Set if items may travel coded.
+    coding: Option<Delivery>,
+    /// Codes the frames that this half puts together itself.
     encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
-    /// Whether a frame may be coded against any frame before it.
-    takes_coded: bool,
+    /// The last frame, if it was a shared one.
+    last_shared: Option<LastShared>,
     lane: Sender<FrameEvent<P>, FrameMessage>,
     span: FrameSpan,
 }
@@ -42,8 +45,8 @@ impl<P: Protocol> FrameSender<P> {
             _ => None,
         };
         let writer = FrameWriter::new(size).of_at_most(max_frame).of_items(format.item);
-        let takes_coded = encoder.is_some() && delivery == Delivery::Ordered;
-        Self { writer, format: *format, encoder, takes_coded, lane, span: FrameSpan::none() }
+        let (format, coding) = (*format, encoder.is_some().then_some(delivery));
+        Self { writer, format, coding, encoder, last_shared: None, lane, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its header has been sent when this returns.
@@ -55,6 +58,11 @@ impl<P: Protocol> FrameSender<P> {
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
         let frame = start.frame;
         self.write(|writer, _| writer.begin(frame))?;
+        self.last_shared = None;
+        if self.encoder.is_none() {
+            // Shared frames came before: their coding is not known here.
+            self.encoder = self.coding.and_then(P::encoder);
+        }
         self.span = FrameSpan::open(Way::Sent, frame, self.format.begin(), &self.lane.shared);
         match &mut self.lane.lane {
             AnyTx::Local(lane) => lane.stage(FrameEvent::Begin(start)),
@@ -110,24 +118,56 @@ impl<P: Protocol> FrameSender<P> {
         Ok(end)
     }
 
-    /// Stages a whole frame, for a receiver that has every frame from `since` to the one before. From then on
-    /// this half sends items plain: its encoder does not know the frame.
+    /// Sends a whole frame that was put together for many links, under a number of this link. Returns its
+    /// totals.
+    ///
+    /// Dropping the future undoes nothing: the next call sends the rest.
+    ///
+    /// # Errors
+    /// As [`FrameSender::begin`].
+    pub async fn send_shared(
+        &mut self,
+        frame: &SharedFrame<P>,
+        number: FrameNumber,
+    ) -> Result<FrameEnd, SendError> {
+        let last = LastShared::after(self.last_shared.take(), frame, number);
+        let first = last.first();
+        if frame.is_coded_for_others_than(first) && self.takes_coded() {
+            frame.ask_for_new_coding();
+        }
+        self.stage_whole(frame.frame(), number, first)?;
+        self.last_shared = Some(last);
+        self.lane.send_staged().await?;
+        Ok(frame.frame().end_as(number))
+    }
+
+    /// Whether a frame may be coded against any frame before it.
+    fn takes_coded(&self) -> bool {
+        self.coding == Some(Delivery::Ordered)
+    }
+
+    /// Stages a whole frame under this number, for a receiver that has every frame from `since`, in the
+    /// frame's own numbers, to the one before.
     pub(crate) fn stage_whole(
         &mut self,
         frame: &PublishedFrame<P>,
+        number: FrameNumber,
         since: FrameNumber,
     ) -> Result<(), SendError> {
         self.write(|writer, _| {
-            writer.begin(frame.number())?;
+            writer.begin(number)?;
             writer.finish(|_| {})
         })?;
-        self.encoder = None;
-        let coded_since = Some(since).filter(|_| self.takes_coded);
+        (self.encoder, self.last_shared) = (None, None);
+        let coded_since = Some(since).filter(|_| self.takes_coded());
         let shared = &self.lane.shared;
-        self.span = FrameSpan::open(Way::Sent, frame.number(), self.format.begin(), shared);
+        self.span = FrameSpan::open(Way::Sent, number, self.format.begin(), shared);
+        let item = self.format.item;
         match &mut self.lane.lane {
-            AnyTx::Local(lane) => frame.events(self.format.item).try_for_each(|event| lane.stage(event)),
-            AnyTx::Wire(lane) => frame.messages(coded_since).try_for_each(|message| lane.stage(message)),
+            AnyTx::Local(lane) => frame.events(number, item).try_for_each(|event| lane.stage(event)),
+            AnyTx::Wire(lane) => {
+                frame.messages(number, coded_since).try_for_each(|message| lane.stage(message))
+            }
         }
         .map_err(|loss| lost(loss, shared))?;
         shared.counters.sent.count_items(frame.items() as usize);

@@ -6,8 +6,10 @@
 //! | `work` | a culler's work on a frame, and the receivers of its ids |
 //! | `inbox` | messages while it waits: cameras, view states, the display's others, the other culler's ids |
 //! | `views` | the view states that it received |
+//! | `following` | frames of another display that this one follows |
 //! | `switch`, `other_frames` | the other culler of the schedule `switch` |
 
+mod following;
 mod inbox;
 mod other_frames;
 mod switch;
@@ -17,7 +19,9 @@ use std::{mem, panic::AssertUnwindSafe, pin::pin, rc::Rc, sync::Arc};
 
 use futures_util::{FutureExt, future::OptionFuture};
 use trimaran_cull::View;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, ViewState, ViewVersion};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, Settings, ViewState, ViewVersion,
+};
 use trimaran_scene::Scene;
 
 use super::{
@@ -27,6 +31,7 @@ use super::{
 };
 use crate::{
     clock::{Stopwatch, nanoseconds},
+    leads::Lead,
     limits::Lease,
     links::{FrameStart, Link},
     meeting::Meeting,
@@ -36,7 +41,7 @@ use crate::{
     turn::Turns,
 };
 
-use inbox::Inbox;
+use inbox::{Inbox, Next};
 pub use work::{CullerWork, VisibleIds};
 
 /// A culler in a session with a display.
@@ -73,17 +78,22 @@ impl<W: CullerWork> CullerRole<W> {
         let (net, scene) = (&self.meeting.net, &self.scene);
         let bulk = scene.as_ref().and_then(|scene| Some((scene, self.display.bulk.take()?)));
         let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene, &self.sharing.packed));
+        let settings = self.meeting.settings;
         let mut session = Session {
             work: InTurn::new(self.work, &turn),
             inbox: Inbox::new(self.meeting, self.drawables),
             display: self.display,
             lease: self.lease,
             clock: self.turns.clock(),
+            settings,
+            drawables: self.drawables,
             sharing: self.sharing,
+            lead: None,
             supply,
             sent: FrameNumber(0),
             view: ViewVersion(0),
             state: None,
+            camera: None,
             last: None,
         };
         // A bug in one session ends only that session.
@@ -101,13 +111,19 @@ struct Session<W> {
     inbox: Inbox,
     display: Link,
     clock: Stopwatch,
+    settings: Settings,
+    drawables: u32,
     sharing: Sharing,
+    /// If other displays may follow this one.
+    lead: Option<Lead>,
     supply: Option<CullerEnd>,
     /// The number of the next frame on the display's link.
     sent: FrameNumber,
     /// The view state of the last frame.
     view: ViewVersion,
     state: Option<Arc<ViewState>>,
+    /// The camera of the last frame that this display asked for.
+    camera: Option<Camera>,
     /// The visible set of the last frame.
     last: Option<(FrameNumber, Vec<DrawableId>)>,
 }
@@ -139,7 +155,17 @@ impl<W: CullerWork> Session<W> {
                 Some(fault) = OptionFuture::from(self.supply.as_ref().map(CullerEnd::failed)) => {
                     return Err(fault.into());
                 }
-                camera = self.inbox.camera(&mut self.display) => camera?,
+                next = self.inbox.next(&mut self.display) => match next? {
+                    Next::Camera(camera, state) => (camera, state),
+                    Next::Lead(leader) => {
+                        self.begin_to_lead(leader)?;
+                        continue;
+                    }
+                    Next::Follow(wish) => {
+                        self.change_leader(wish).await?;
+                        continue;
+                    }
+                },
             };
             // A newer pose for a frame that had already begun.
             if self.last.as_ref().is_some_and(|(frame, _)| *frame == camera.frame()) {
@@ -154,11 +180,12 @@ impl<W: CullerWork> Session<W> {
             {
                 supply.change_view(&state);
             }
-            self.state = Some(Arc::clone(&state));
+            (self.state, self.camera) = (Some(Arc::clone(&state)), Some(camera));
             self.work.has_camera(&camera);
             if let Some(set) = self.shared(camera, &state).await {
                 self.work.give_turn_back();
                 self.send(camera, Source::Shared(&set)).await?;
+                self.tell_followers()?;
                 continue;
             }
             let occluders_of = self.occlude(camera).await?;
@@ -166,6 +193,7 @@ impl<W: CullerWork> Session<W> {
             if let Some((_, ids)) = &self.last {
                 self.sharing.sets.put(camera, &state, ids);
             }
+            self.tell_followers()?;
         }
     }
 
