@@ -144,8 +144,7 @@ impl ScenePass {
     /// Starts a frame, after waiting for the last one. A view of another size changes the attachments.
     pub(crate) fn begin(&mut self, view: &View) -> Result<(), GpuError> {
         self.depth_version += 1;
-        self.stream.wait(self.kind.name)?;
-        self.stream.take_busy_ms();
+        self.stream.restart(self.kind.name)?;
         self.recording = Stopwatch::default();
         if view.viewport() != self.attachments.size {
             self.attachments = Attachments::new(self.scene.gpu(), self.kind, view.viewport())?;
@@ -295,9 +294,9 @@ impl ScenePass {
     /// Flushes, waits for the device, and returns the frame's times since `begin`.
     pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
         self.flush()?;
-        self.stream.wait(self.kind.name)?;
+        let device_ms = self.stream.take_busy_ms(self.kind.name)?;
         self.scene.set().release(self.hold.id());
-        Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
+        Ok(PassTiming { device_ms, host_ms: self.recording.take_ms() })
     }
 
     /// The resources for an occlusion test over the pass's depth. Earlier draws are submitted first.

@@ -13,7 +13,7 @@ use crate::recorder::Recorder;
 use crate::scope;
 use crate::{Gpu, GpuError};
 
-/// Makes a pyramid's levels, each from the finer one.
+/// Makes a pyramid's levels, up to [`LEVELS`] at once from the next finer one.
 pub(crate) struct Halving {
     layout: Arc<Layout>,
     pipeline: Pipeline,
@@ -24,13 +24,15 @@ pub(crate) struct Halving {
 #[repr(C)]
 struct Finer {
     start: u32,
-    next_start: u32,
     width: u32,
     height: u32,
 }
 
-/// Texels per workgroup, across and down.
-const GROUP: u32 = 8;
+/// The levels that a dispatch makes.
+const LEVELS: usize = 6;
+
+/// Finer texels per workgroup, across and down.
+const GROUP: u32 = 1 << LEVELS;
 
 impl Halving {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
@@ -94,12 +96,12 @@ impl Pyramid {
         );
         commands.copy_image(depth, self.size, &self.texels);
         commands.barrier(scope::COPY_WRITE, read);
-        for pair in self.levels.windows(2) {
-            let [finer, next] = pair else { break };
-            let Level { start, width, height } = *finer;
-            commands.bind(&halving.pipeline, &Finer { start, next_start: next.start, width, height });
+        // All but the single texel at the end have coarser ones.
+        let finer = self.levels.split_last().map(|(_, finer)| finer).unwrap_or_default();
+        for &Level { start, width, height } in finer.iter().step_by(LEVELS) {
+            commands.bind(&halving.pipeline, &Finer { start, width, height });
             commands.bind_set(&halving.pipeline, &self.set);
-            commands.dispatch([next.width, next.height].map(|side| side.div_ceil(GROUP)));
+            commands.dispatch([width, height].map(|side| side.div_ceil(GROUP)));
             commands.barrier(scope::COMPUTE_WRITE, read);
         }
     }
@@ -180,7 +182,8 @@ mod tests {
     fn every_texel_is_the_hosts() {
         let Some(gpu) = CheckedGpu::open() else { return };
         let mut random = Random::new(5);
-        for (width, height) in [(1, 1), (1, 9), (9, 1), (333, 77), (1023, 3), (1024, 1024)] {
+        let sizes = [(1, 1), (1, 2), (1, 9), (9, 1), (64, 64), (65, 63), (333, 77), (1023, 3), (1024, 1024)];
+        for (width, height) in sizes.into_iter().chain([(4099, 5)]) {
             let view = view(width, height, DVec3::ZERO);
             let size = view.viewport();
             let scene = upload(&gpu, &[crowd(size, &mut random)]);

@@ -7,8 +7,9 @@ use trimaran_cull::Cancel;
 
 use crate::error::During as _;
 use crate::recorder::Recorder;
+use crate::timing::Moment;
 use crate::wait::{End, SLICE, Wait};
-use crate::{Gpu, GpuError};
+use crate::{DeviceKind, Gpu, GpuError};
 
 /// Submissions of one pass, in order. Dropping it waits for the device. So an owner that declares its stream
 /// before the buffers and images of the stream's work is sound: fields drop in order of declaration. If it
@@ -25,12 +26,14 @@ pub(crate) struct Stream {
     /// Counts finished pieces: piece n signals n.
     timeline: vk::Semaphore,
     submitted: u64,
-    /// Pieces since the last wait.
+    /// Pieces whose times were not read yet.
     pieces: usize,
+    /// The device may not be done with all of them.
+    pending: bool,
     busy_ms: f64,
 }
 
-/// The most pieces in flight; the next one waits. A frame has a few.
+/// The most pieces whose times were not read; the next one waits and reads them. A frame has a few.
 const MAX_PIECES: usize = 64;
 
 impl Stream {
@@ -48,6 +51,7 @@ impl Stream {
             timeline: vk::Semaphore::null(),
             submitted: 0,
             pieces: 0,
+            pending: false,
             busy_ms: 0.0,
         };
         let device = gpu.device();
@@ -108,7 +112,7 @@ impl Stream {
     ) -> Result<(), GpuError> {
         self.check(operation)?;
         if self.pieces == MAX_PIECES {
-            self.wait(operation)?;
+            self.add_times(operation)?;
         }
         let Some(&buffer) = self.buffers.get(self.pieces) else {
             return Ok(()); // there are MAX_PIECES buffers
@@ -162,16 +166,31 @@ impl Stream {
         drop(queue);
         self.submitted += 1;
         self.pieces += 1;
+        self.pending = true;
         Ok(())
     }
 
     /// Waits until all submissions are done. `operation` names it in errors.
     pub(crate) fn wait(&mut self, operation: &'static str) -> Result<(), GpuError> {
+        if self.pending {
+            self.block(operation)?;
+            self.pending = false;
+        }
+        Ok(())
+    }
+
+    /// Waits, forgets the times of all pieces, and makes their command buffers ready for others.
+    pub(crate) fn restart(&mut self, operation: &'static str) -> Result<(), GpuError> {
+        self.wait(operation)?;
+        self.busy_ms = 0.0;
+        self.reuse(operation)
+    }
+
+    /// Makes all command buffers ready for others. The device is done with them.
+    fn reuse(&mut self, operation: &'static str) -> Result<(), GpuError> {
         if self.pieces == 0 {
             return Ok(());
         }
-        self.block(operation)?;
-        self.busy_ms += self.measure(operation)?;
         self.pieces = 0;
         // SAFETY: the device is done with every buffer of the pool.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
@@ -184,14 +203,27 @@ impl Stream {
         self.submitted
     }
 
-    /// Device milliseconds of all pieces waited for since the last call.
-    pub(crate) const fn take_busy_ms(&mut self) -> f64 {
-        std::mem::replace(&mut self.busy_ms, 0.0)
+    /// Waits, and returns the device milliseconds of all pieces since the last call or restart.
+    pub(crate) fn take_busy_ms(&mut self, operation: &'static str) -> Result<f64, GpuError> {
+        self.add_times(operation)?;
+        Ok(std::mem::replace(&mut self.busy_ms, 0.0))
+    }
+
+    /// Waits, and adds the times of all pieces.
+    fn add_times(&mut self, operation: &'static str) -> Result<(), GpuError> {
+        self.wait(operation)?;
+        if self.pieces > 0 {
+            self.busy_ms += self.measure(operation)?;
+        }
+        self.reuse(operation)
     }
 
     /// Waits until the device is done or [`Wait`] ends it.
     fn block(&mut self, operation: &'static str) -> Result<(), GpuError> {
         self.check(operation)?;
+        if self.is_done_soon(operation)? {
+            return Ok(());
+        }
         let device = self.gpu.device();
         let semaphores = [self.timeline];
         let values = [self.submitted];
@@ -219,6 +251,24 @@ impl Stream {
         })
     }
 
+    /// Looks again and again for a moment whether the device is done: that is sooner than being woken up. A
+    /// device that is this machine's processors needs them for its work.
+    fn is_done_soon(&self, operation: &'static str) -> Result<bool, GpuError> {
+        if self.gpu.info().kind == DeviceKind::Cpu {
+            return Ok(false);
+        }
+        let moment = Moment::now();
+        while !moment.is_over() {
+            // SAFETY: the semaphore is a timeline.
+            let done = unsafe { self.gpu.device().get_semaphore_counter_value(self.timeline) };
+            if done.during(operation)? >= self.submitted {
+                return Ok(true);
+            }
+            std::hint::spin_loop();
+        }
+        Ok(false)
+    }
+
     fn measure(&self, operation: &'static str) -> Result<f64, GpuError> {
         let period = self.gpu.limits().timestamp_period_ns;
         if period <= 0.0 {
@@ -242,7 +292,7 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        if self.pieces > 0
+        if self.pending
             && self.gpu.to_destroy().is_some()
             && let Err(error) = self.block("finishing")
         {

@@ -1,6 +1,6 @@
 //! The times of a pass.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The times of a frame's pass, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -35,5 +35,25 @@ impl Stopwatch {
     /// The sum so far; starts again from 0.
     pub(crate) const fn take_ms(&mut self) -> f64 {
         std::mem::replace(&mut self.ms, 0.0)
+    }
+}
+
+/// A moment that begins now.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    begun: Instant,
+}
+
+impl Moment {
+    /// Longer than a thread takes to be woken up.
+    const LENGTH: Duration = Duration::from_micros(100);
+
+    #[allow(clippy::disallowed_methods, reason = "shorter than any virtual time would tell")]
+    pub(crate) fn now() -> Self {
+        Self { begun: Instant::now() }
+    }
+
+    pub(crate) fn is_over(self) -> bool {
+        self.begun.elapsed() >= Self::LENGTH
     }
 }
