@@ -17,8 +17,8 @@ const KEPT: usize = 8;
 /// A batch in coded form.
 #[derive(Debug, Serialize, Deserialize)]
 struct Coded {
-    /// The frame that it refers to.
-    against: Option<FrameNumber>,
+    /// How many numbers back the frame is that it refers to.
+    back: Option<u32>,
     /// The place in its own frame where it begins.
     at: u32,
     /// Wrapping differences, and the length of each run.
@@ -30,8 +30,8 @@ struct Coded {
 enum Fault {
     #[error("it is malformed")]
     Malformed(#[from] postcard::Error),
-    #[error("it refers to {0}, which is not known")]
-    Unknown(FrameNumber),
+    #[error("it refers to the frame {0} numbers back, which is not known")]
+    Unknown(u32),
     #[error("the frame has more than {0} points")]
     TooMany(u32),
     #[error(transparent)]
@@ -74,6 +74,7 @@ impl Frames {
 #[derive(Debug)]
 pub(super) struct Encoder {
     delivery: Delivery,
+    frame: FrameNumber,
     frames: Frames,
     /// The newest frame that the receiver is known to have.
     reference: Option<FrameNumber>,
@@ -81,19 +82,21 @@ pub(super) struct Encoder {
 
 impl Encoder {
     pub(super) fn new(delivery: Delivery) -> Self {
-        Self { delivery, frames: Frames::default(), reference: None }
+        Self { delivery, frame: FrameNumber(0), frames: Frames::default(), reference: None }
     }
 }
 
 impl BatchEncoder<u32> for Encoder {
-    fn begin(&mut self, _: FrameNumber) {
+    fn begin(&mut self, frame: FrameNumber) {
+        self.frame = frame;
         self.frames.open.clear();
     }
 
     fn encode(&mut self, batch: &Batch<u32>) -> Option<Bytes> {
         let at = self.frames.open.len();
-        let earlier = self.reference.and_then(|number| self.frames.get(number));
-        let against = self.reference.filter(|_| earlier.is_some());
+        let known = self.reference.filter(|number| self.frames.get(*number).is_some());
+        let back = known.and_then(|number| self.frame.0.checked_sub(number.0));
+        let earlier = known.filter(|_| back.is_some()).and_then(|number| self.frames.get(number));
         let (mut runs, mut last) = (Vec::<(i32, u32)>::new(), 0);
         for (place, point) in (at..).zip(batch.iter()) {
             let expected = earlier.and_then(|points| points.get(place)).copied().unwrap_or(last);
@@ -105,7 +108,7 @@ impl BatchEncoder<u32> for Encoder {
             last = point;
         }
         self.frames.open.extend(batch.iter());
-        let coded = Coded { against, at: at.try_into().ok()?, runs };
+        let coded = Coded { back, at: at.try_into().ok()?, runs };
         let bytes = postcard::to_stdvec(&coded).ok()?;
         (bytes.len() < batch.as_bytes().len()).then(|| bytes.into())
     }
@@ -125,12 +128,13 @@ impl BatchEncoder<u32> for Encoder {
 #[derive(Debug)]
 pub(super) struct Decoder {
     max_items: u32,
+    frame: FrameNumber,
     frames: Frames,
 }
 
 impl Decoder {
     pub(super) fn new(max_items: u32) -> Self {
-        Self { max_items, frames: Frames::default() }
+        Self { max_items, frame: FrameNumber(0), frames: Frames::default() }
     }
 
     fn read(&mut self, bytes: &[u8]) -> Result<Batch<u32>, Fault> {
@@ -142,8 +146,11 @@ impl Decoder {
         if count > BatchSize::MAX.items() as u64 {
             return Err(BatchError { bytes: count as usize * 4, item: 4 }.into());
         }
-        let earlier = match coded.against {
-            Some(number) => self.frames.get(number).ok_or(Fault::Unknown(number))?,
+        let earlier = match coded.back {
+            Some(back) => {
+                let number = self.frame.0.checked_sub(back).map(FrameNumber);
+                number.and_then(|number| self.frames.get(number)).ok_or(Fault::Unknown(back))?
+            }
             None => &[],
         };
         let differences = coded.runs.iter().flat_map(|(difference, count)| (0..*count).map(|_| *difference));
@@ -160,7 +167,8 @@ impl Decoder {
 }
 
 impl BatchDecoder<u32> for Decoder {
-    fn begin(&mut self, _: FrameNumber) {
+    fn begin(&mut self, frame: FrameNumber) {
+        self.frame = frame;
         self.frames.open.clear();
     }
 

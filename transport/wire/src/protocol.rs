@@ -178,7 +178,8 @@ pub enum Delivery {
     Lossy,
 }
 
-/// Writes batches shorter than plain, for instance as changes against earlier frames of the receiver.
+/// Writes batches shorter than plain, for instance as changes against earlier frames of the receiver. It names
+/// these by how many numbers back they are: frames for many links have another number on each of them.
 pub trait BatchEncoder<I: Item>: fmt::Debug + Send {
     /// A frame begins.
     fn begin(&mut self, frame: FrameNumber);
