@@ -134,7 +134,8 @@ mod tests {
     use crate::memory::HostBuffer;
     use crate::pass::OverDepth;
 
-    /// Slanted triangles of some pixels each, some layers of them over most of the picture.
+    /// Slanted triangles of some pixels each, some layers of them over most of the picture, before a slanted
+    /// wall: no texel of any level is empty.
     fn crowd(size: Viewport, random: &mut Random) -> FlatObject {
         let count = (size.width() * size.height()).clamp(12, 60_000);
         let px = 2.0 / f64::from(size.height());
@@ -151,7 +152,8 @@ mod tests {
                 })
             })
             .collect();
-        triangles(&corners)
+        let wall = [[-1e6, -1e6, -300.0], [1e6, -1e6, -200.0], [0.0, 2e6, -400.0]];
+        triangles(&[corners, wall.to_vec()].concat())
     }
 
     /// All levels over the pass's depth, built on the device.
@@ -190,6 +192,7 @@ mod tests {
             let mut pass = OccluderPass::new(&scene, size).unwrap();
             let mut expected = depth(&mut pass, &view, &ids(1));
             let distinct: BTreeSet<u32> = expected.iter().map(|depth| depth.to_bits()).collect();
+            assert!(expected.iter().all(|&depth| depth > 0.0), "{width} x {height}");
             assert!(distinct.len() * 3 > expected.len(), "{} depths at {width} x {height}", distinct.len());
             let pyramid = DepthPyramid::over(DepthImage::new(size, &expected).unwrap());
             (1..=pyramid.last_level()).for_each(|level| expected.extend(pyramid.farthest(level).unwrap()));
