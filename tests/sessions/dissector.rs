@@ -372,7 +372,7 @@ async fn a_real_link_over_loopback_is_read_the_same() {
     let mut sniffer = Command::new("tshark");
     sniffer.args(["-i", "lo", "-l", "-P", "-f", &format!("tcp port {port}"), "-w"]).arg(capture.path());
     let mut sniffer = Sniffer(sniffer.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
-    if !begun(&capture, &mut sniffer) {
+    if !begun(&capture, &mut sniffer, &port) {
         assert!(std::env::var_os("TRIMARAN_REQUIRE_CAPTURE").is_none(), "this user may not capture");
         println!("skipped: this user may not capture on the loopback");
         return;
@@ -403,15 +403,20 @@ async fn a_real_link_over_loopback_is_read_the_same() {
     assert_eq!(frames[&("127.0.0.1>127.0.0.1".to_owned(), 7)], sent);
 }
 
-/// Waits until the sniffer has begun to write; `false` if it ended instead.
-fn begun(capture: &Capture, sniffer: &mut Sniffer) -> bool {
+/// Waits until the sniffer writes what passes this port; `false` if it ended instead.
+fn begun(capture: &Capture, sniffer: &mut Sniffer, port: &str) -> bool {
+    let mut head = None;
     loop {
         if sniffer.0.try_wait().unwrap().is_some() {
             return false;
         }
-        // It writes the file's head once the interface is open.
-        if std::fs::metadata(capture.path()).is_ok_and(|file| file.len() > 0) {
-            return true;
+        // It writes the file's head first, and may not capture yet then: connections that say nothing show it.
+        let length = std::fs::metadata(capture.path()).map_or(0, |file| file.len());
+        if length > 0 {
+            if length > *head.get_or_insert(length) {
+                return true;
+            }
+            drop(std::net::TcpStream::connect(format!("127.0.0.1:{port}")).unwrap());
         }
         std::thread::sleep(Duration::from_millis(50));
     }

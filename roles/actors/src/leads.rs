@@ -60,7 +60,7 @@ pub(crate) struct LedView {
     pub(crate) messages: Vec<RoleMessage>,
 }
 
-/// What a leader and its followers share.
+/// Shared by a leader and its followers.
 #[derive(Debug)]
 struct Stage {
     frames: Mutex<Frames>,

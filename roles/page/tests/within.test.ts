@@ -4,7 +4,7 @@ import { sampling, widerBy, within } from "../src/viewer/sampling.ts";
 
 const MOST = { width: 8192, height: 8192 };
 
-/** What a leader with a picture of this size has culled. */
+/** The view that a leader with a picture of this size has culled. */
 function culled(width: number, height: number, tanHalfFov: number, isMoving = false) {
   const { pictureSize } = sampling({ width, height }, 1, isMoving, MOST);
   return { tanHalfFov: tanHalfFov * widerBy({ width, height }), pictureSize };

@@ -28,7 +28,7 @@ const SPANS = 8;
 const VERSIONS = 4;
 
 export class Following {
-  /** Whom the display wants to follow. */
+  /** The display that this one wants to follow. */
   #wanted: bigint | undefined;
   /** The answer that is still to come. */
   #awaited: { readonly leader: bigint; readonly isFollow: boolean } | undefined;

@@ -26,7 +26,7 @@ pub(super) struct Inbox {
     early: Option<Camera>,
     /// The key by which others may follow the display, if it has just chosen one.
     lead: Option<LeaderKey>,
-    /// What the display wants to follow, if it has just said so.
+    /// The wish of the display to follow another one, if it has just said so.
     follow: Option<Wish>,
 }
 
@@ -40,7 +40,7 @@ pub(super) enum Next {
     Follow(Wish),
 }
 
-/// What a display wants of a leader.
+/// The wish of a display about a leader.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Wish {
     Follow(LeaderKey),
