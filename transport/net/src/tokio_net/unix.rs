@@ -63,7 +63,11 @@ fn remove_stale(path: &Path) -> io::Result<()> {
     let probe = Socket::new(Domain::UNIX, Type::STREAM, None)?;
     probe.set_nonblocking(true)?;
     match probe.connect(&SockAddr::unix(path)?) {
-        Err(e) if e.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
+        // A listener that leaves may remove its file meanwhile.
+        Err(e) if e.kind() == io::ErrorKind::ConnectionRefused => match fs::remove_file(path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(()),
+            removed => removed,
+        },
         Err(e) if e.kind() == io::ErrorKind::PermissionDenied => Err(e),
         // Taken, or the backlog is full: somebody listens.
         Ok(()) | Err(_) => Err(io::ErrorKind::AddrInUse.into()),
