@@ -13,16 +13,29 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=shaders");
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    for entry in fs::read_dir("shaders")? {
-        compile(&entry?.path(), &out)?;
+    for files in MODULES {
+        compile(files, &out)?;
     }
     Ok(())
 }
 
-/// Writes `<entry point>.spv` for each entry point of one WGSL file.
-fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
-    let source = fs::read_to_string(path)?;
-    let explain = |message: String| format!("{}: {message}", path.display());
+/// The files of each module, one after the other: WGSL has no imports.
+const MODULES: [&[&str]; 6] = [
+    &["boxes"],
+    &["pyramid"],
+    &["scene"],
+    &["hzb", "test_boxes"],
+    &["traversal/rounding", "traversal/round"],
+    &["hzb", "traversal/rounding", "traversal/cut", "traversal/test_box", "traversal/traversal"],
+];
+
+/// Writes `<entry point>.spv` for each entry point of a module.
+fn compile(files: &[&str], out: &Path) -> Result<(), Box<dyn Error>> {
+    let mut source = String::new();
+    for file in files {
+        source += &fs::read_to_string(Path::new("shaders").join(file).with_extension("wgsl"))?;
+    }
+    let explain = |message: String| format!("shaders/{}: {message}", files.join(" + "));
     let module = wgsl::parse_str(&source).map_err(|e| explain(e.emit_to_string(&source)))?;
     let capabilities = Capabilities::PRIMITIVE_INDEX
         | Capabilities::IMMEDIATES

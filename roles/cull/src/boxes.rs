@@ -34,6 +34,8 @@ pub const POSITION_ULPS: f64 = 16.0;
 pub const DEPTH_ULPS: f64 = 16.0;
 
 const ULP: f64 = 1.0 / (1 << 24) as f64;
+pub(crate) const POSITION_SLACK: f64 = POSITION_ULPS * ULP;
+pub(crate) const DEPTH_SLACK: f64 = DEPTH_ULPS * ULP;
 
 /// The near plane counts as a little farther than it is, so that the rasterizer's clipping never decides.
 const NEAR_SLACK: f64 = 1e-5;
@@ -104,13 +106,18 @@ impl BoxMaker {
         if grown.holds_eye() {
             return Prepared::Visible(Untestable::EyeInside);
         }
-        if grown.depths().0 <= self.near * (1.0 + NEAR_SLACK) {
+        if grown.depths().0 <= self.nearest_tested() {
             return Prepared::Visible(Untestable::AcrossNear);
         }
         match grown.narrow() {
             Some(narrow) => Prepared::Test(narrow),
             None => Prepared::Visible(Untestable::NotFinite),
         }
+    }
+
+    /// Boxes that reach nearer than this are not tested, metres.
+    pub(crate) fn nearest_tested(&self) -> f64 {
+        self.near * (1.0 + NEAR_SLACK)
     }
 
     /// How far the box of `node` is inflated for rounding and depth ties, metres.
@@ -122,9 +129,9 @@ impl BoxMaker {
     fn slack_of(&self, exact: &OrientedBox, node: &Node) -> f64 {
         let (nearest, farthest) = exact.depths();
         let far = exact.centre.length() + exact.half.length() + f64::from(node.reach);
-        let position = POSITION_ULPS * ULP * far;
+        let position = POSITION_SLACK * far;
         // Clamped to the near plane: nothing nearer is ever rasterized.
-        let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
+        let depth = DEPTH_SLACK * farthest * farthest / nearest.max(self.near);
         position + depth.max(0.0)
     }
 }
@@ -191,7 +198,8 @@ impl OrientedBox {
 fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
     let mut order = [0, 1, 2];
     let length_squared = edges.map(|edge| edge.length_squared());
-    order.sort_unstable_by(|&a: &usize, &b| length_squared[b].total_cmp(&length_squared[a]));
+    // Of equally long ones the first.
+    order.sort_by(|&a: &usize, &b| length_squared[b].total_cmp(&length_squared[a]));
     let [longest, middle, shortest] = order.map(|index| edges[index]);
     let Some(first) = longest.try_normalize() else { return [DVec3::X, DVec3::Y, DVec3::Z] };
     let second = [middle, shortest]

@@ -96,6 +96,38 @@ impl CutRule {
         })
     }
 
+    /// Whether both draw all objects alike, whatever their levels. Equal view states of two rules may be told
+    /// apart.
+    #[must_use]
+    pub fn looks_like(&self, other: &Self) -> bool {
+        match (&self.nodes, &other.nodes) {
+            (None, None) => true,
+            (Some(own), Some(other)) => Arc::ptr_eq(own, other),
+            _ => false,
+        }
+    }
+
+    /// The appearances of 16 nodes from `first` on, for a device: two bits each, the first ones lowest. 0 is
+    /// solid, 1 see-through, 2 hidden, and 3 a mixture, so that no level of the node itself can be drawn.
+    #[must_use]
+    pub fn appearance_bits(&self, scene: &Scene, first: u32) -> u32 {
+        if self.nodes.is_none() {
+            return 0;
+        }
+        let nodes = (first..first.saturating_add(16)).zip((0..).step_by(2));
+        let bits = nodes.filter_map(|(id, bit)| {
+            let node = scene.nodes().get(id as usize)?;
+            let code = match self.appearance(scene, NodeId(id), node) {
+                NodeAppearance::Solid => 0,
+                NodeAppearance::SeeThrough => 1,
+                NodeAppearance::Hidden => 2,
+                NodeAppearance::Mixed => 3,
+            };
+            Some(code << bit)
+        });
+        bits.fold(0, |word, code| word | code)
+    }
+
     /// The appearance of a node of `scene`.
     pub(crate) fn appearance(&self, scene: &Scene, id: NodeId, node: &Node) -> NodeAppearance {
         self.nodes.as_ref().map_or(NodeAppearance::Solid, |nodes| nodes.of(scene, id, node))

@@ -7,7 +7,7 @@ use trimaran_scene::{Node, Scene};
 use crate::View;
 
 /// Slack of the frustum test: rounding here, in the vertex stage and in the rasterizer stays well below it.
-const RELATIVE_SLACK: f64 = 1e-6;
+pub(crate) const RELATIVE_SLACK: f64 = 1e-6;
 
 /// The view frustum: four sides through the eye, the near plane, and sections.
 #[derive(Debug, Clone, Copy)]

@@ -74,6 +74,7 @@ mod screen_box;
 mod screen_record;
 mod traverse;
 mod view;
+mod whole_traversal;
 
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable};
 pub use cut_rule::CutRule;
@@ -95,3 +96,4 @@ pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};
 pub use traverse::{CullError, CullStats, Culler, Traversal};
 pub use trimaran_proto::{LodRule, LodRuleError, Viewport};
 pub use view::View;
+pub use whole_traversal::{CutRecord, StepCounts, WholeTraversal};

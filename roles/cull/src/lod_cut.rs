@@ -213,6 +213,11 @@ impl<'s> LodCut<'s> {
         self.scene
     }
 
+    /// The focal length in pixels, and the bound of |p| / zp in the frustum.
+    pub(crate) const fn focal_and_spread(&self) -> (f64, f64) {
+        (self.focal, self.spread)
+    }
+
     fn magnification(&self, node: &Node) -> Magnification {
         let (min, max) = node.world_box();
         let half = (max - min) * 0.5;

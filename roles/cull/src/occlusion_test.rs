@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use glam::Vec3;
 
-use crate::View;
+use crate::{CutRule, View, WholeTraversal};
 
 /// A box to test against the occluders, in view space: right-handed, x right, y up, looking down -z, metres
 /// about the eye.
@@ -57,6 +57,16 @@ pub trait OcclusionTest {
     /// # Errors
     /// Those of the implementation. The traversal stops; nothing is assumed about the boxes.
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Self::Error>;
+
+    /// Goes through the whole tree at once, if the test can do that for this rule, and decides as a traversal
+    /// that asks box by box. By default it cannot.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, Self::Error> {
+        let _ = (view, rule);
+        Ok(None)
+    }
 
     /// Whether this test grows outlines by itself.
     fn outline(&self) -> Outline {

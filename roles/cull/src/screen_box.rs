@@ -120,6 +120,11 @@ impl ScreenProjection {
         }
     }
 
+    /// The focal lengths, the middle and the last pixel of the screen, each across and down.
+    pub(crate) fn focal_middle_last(&self) -> [[f64; 2]; 3] {
+        [self.focal, self.middle, self.last].map(|(x, y)| [x, y])
+    }
+
     /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` if it reaches the eye's
     /// plane or is not finite.
     pub(crate) fn footprint(&self, test_box: &TestBox, grown: f64) -> Option<Footprint> {

@@ -75,6 +75,15 @@ impl ScreenRecords {
         ScreenMargins { grown: self.grown, margin: MARGIN_PX, nearer: self.projection.nearer }
     }
 
+    pub(crate) const fn projection(&self) -> &ScreenProjection {
+        &self.projection
+    }
+
+    /// The coarsest level of a pyramid over the picture.
+    pub(crate) const fn last_level(&self) -> usize {
+        self.last_level
+    }
+
     /// Classifies a box.
     #[must_use]
     pub fn find(&self, test_box: &TestBox) -> OnScreen {

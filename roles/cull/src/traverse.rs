@@ -12,7 +12,7 @@ use trimaran_scene::{NodeId, ReadError, Scene};
 use crate::boxes::{BoxMaker, Prepared, Untestable};
 use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut, read_ahead};
-use crate::{Answer, CutRule, OcclusionTest, TestBox, View};
+use crate::{Answer, CutRule, OcclusionTest, TestBox, View, WholeTraversal};
 
 /// Counters of one traversal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,6 +60,10 @@ pub struct Culler {
 #[derive(Debug, Default)]
 struct Memory {
     level: Vec<Reached>,
+    /// If the test went through the tree: how many drawables each further step gives, in reverse.
+    steps: Vec<usize>,
+    /// Its drawables, descending.
+    rest: Vec<DrawableId>,
     next: Vec<Reached>,
     /// The children of the level's nodes, which follow the pieces in `next`.
     children: Vec<Reached>,
@@ -118,12 +122,14 @@ impl Culler {
         }
         let Self { scene, memory } = self;
         memory.level.clear();
+        memory.steps.clear();
         memory.held.clear();
         if !scene.nodes().is_empty() {
             memory.level.push(Reached::Node(NodeId(0)));
         }
         let (cut, maker) = (LodCut::new(scene, view, rule), BoxMaker::new(view, test.outline()));
-        Ok(Traversal { scene, memory, view: *view, cut, maker, stats: CullStats::default() })
+        let stats = CullStats::default();
+        Ok(Traversal { scene, memory, view: *view, cut, maker, stats, has_begun: false })
     }
 
     /// Traverses the whole tree, passing results of [`Traversal::next_level`] to `sink`.
@@ -154,6 +160,7 @@ pub struct Traversal<'c> {
     cut: LodCut<'c>,
     maker: BoxMaker,
     stats: CullStats,
+    has_begun: bool,
 }
 
 impl<'c> Traversal<'c> {
@@ -166,6 +173,19 @@ impl<'c> Traversal<'c> {
         &mut self,
         test: &mut T,
     ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
+        if !std::mem::replace(&mut self.has_begun, true)
+            && let Some(whole) = test.traverse(&self.view, self.cut.rule()).map_err(CullError::Test)?
+        {
+            self.take(whole);
+        }
+        while let Some(count) = self.memory.steps.pop() {
+            let Memory { rest, visible, .. } = &mut *self.memory;
+            visible.clear();
+            visible.extend(rest.drain(rest.len().saturating_sub(count)..).rev());
+            if !visible.is_empty() {
+                return Ok(Some(&self.memory.visible));
+            }
+        }
         while !self.memory.level.is_empty() {
             let scene = self.scene;
             scene.reading(|| self.judge_level(test)).map_err(CullError::Scene)??;
@@ -207,6 +227,16 @@ impl<'c> Traversal<'c> {
         self.stats.counts.hidden += hidden;
         self.stats.counts.emitted -= hidden;
         Ok(())
+    }
+
+    /// Nothing is left to visit but the results of the test's own traversal.
+    fn take(&mut self, whole: WholeTraversal) {
+        self.stats = whole.stats();
+        self.memory.level.clear();
+        self.memory.steps = whole.given();
+        self.memory.steps.reverse();
+        self.memory.rest = whole.visible;
+        self.memory.rest.sort_unstable_by(|a, b| b.cmp(a));
     }
 
     fn judge_level<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {

@@ -83,6 +83,8 @@ pub(crate) struct Adapter {
 pub(crate) struct Limits {
     /// The largest range of a storage buffer.
     pub(crate) max_storage_range: u64,
+    /// The most storage buffers that a shader binds.
+    pub(crate) max_storage_buffers: u32,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
     /// Free memory of the device's own, in bytes.
@@ -170,6 +172,7 @@ impl Adapter {
             queue_family: queue_family.unwrap_or(0) as u32,
             limits: Limits {
                 max_storage_range: u64::from(limits.max_storage_buffer_range),
+                max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
                 free_memory: needs::free_memory(instance, physical),
             },

@@ -2,7 +2,7 @@
 
 use parking_lot::{Mutex, MutexGuard};
 use std::mem::ManuallyDrop;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -12,6 +12,7 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
 use crate::adapter::{Adapter, Limits};
 use crate::needs;
+use crate::traversal::rounds_as_the_host;
 use crate::validation::{self, Messenger};
 use crate::{DeviceChoice, GpuError, GpuInfo, Optional};
 
@@ -63,6 +64,8 @@ pub struct Gpu {
     limits: Limits,
     memory: Option<u64>,
     timeout: Duration,
+    /// Whether it rounds f64 as the host does, once that is known.
+    rounds: OnceLock<bool>,
     /// The device has exceeded the timeout.
     hung: AtomicBool,
     /// Work may be running that is no longer waited for.
@@ -153,6 +156,15 @@ impl Gpu {
     /// The time limit of one submission.
     pub(crate) const fn timeout(&self) -> Duration {
         self.timeout
+    }
+
+    /// Whether the device rounds f64 as the host does, which is tested once.
+    pub(crate) fn rounds_as_the_host(self: &Arc<Self>) -> Result<bool, GpuError> {
+        if let Some(rounds) = self.rounds.get() {
+            return Ok(*rounds);
+        }
+        let rounds = rounds_as_the_host(self)?;
+        Ok(*self.rounds.get_or_init(|| rounds))
     }
 
     /// Whether the device has hung before.
@@ -262,6 +274,7 @@ impl Parts {
             limits: self.adapter.limits,
             memory: options.memory,
             timeout: options.timeout,
+            rounds: OnceLock::new(),
             hung: AtomicBool::new(false),
             abandoned: AtomicBool::new(false),
             entry: ManuallyDrop::new(entry),

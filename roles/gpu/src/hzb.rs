@@ -6,7 +6,8 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;
 use trimaran_cull::{
-    OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View,
+    CutRule, OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View,
+    WholeTraversal,
 };
 
 use crate::boxes;
@@ -17,6 +18,7 @@ use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
+use crate::traversal::{DeviceTraversal, PyramidDepth};
 use crate::{Gpu, GpuError, Optional};
 
 /// Tests boxes by compute shaders against a depth pyramid that stays on the device, with the answers of
@@ -36,7 +38,8 @@ pub(crate) struct HzbBoxes {
     halving: Halving,
     layout: Arc<Layout>,
     pipeline: Pipeline,
-    /// Binds the pyramid, so it is dropped before it.
+    /// Both bind the pyramid, so they are dropped before it.
+    traversal: Traversal,
     room: Option<Room>,
     pyramid: Option<Pyramid>,
     /// The version of the depth that the pyramid is of.
@@ -44,6 +47,16 @@ pub(crate) struct HzbBoxes {
     found: Vec<OnScreen>,
     records: Vec<ScreenRecord>,
     owners: Vec<u32>,
+}
+
+/// Traversals on the device.
+#[derive(Default)]
+enum Traversal {
+    #[default]
+    Untried,
+    /// The device cannot, or not as the host does.
+    Impossible,
+    Ready(Box<DeviceTraversal>),
 }
 
 /// Resources for a batch of this many boxes.
@@ -56,10 +69,19 @@ struct Room {
 /// `Test` of hzb.wgsl.
 #[derive(Clone, Copy, bytemuck::NoUninit)]
 #[repr(C)]
-struct Constants {
+pub(crate) struct Constants {
     margins: ScreenMargins,
     width: u32,
     starts: [u32; MAX_LEVELS],
+    /// Of a traversal.
+    step: u32,
+    capacity: u32,
+}
+
+impl Constants {
+    pub(crate) const fn of_step(self, step: u32, capacity: u32) -> Self {
+        Self { step, capacity, ..self }
+    }
 }
 
 /// Levels over the largest picture, 65,536 pixels wide.
@@ -80,26 +102,16 @@ impl OcclusionTest for DeviceHzbTest<'_> {
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
         let Self { pass, boxes: own } = self;
-        let size = pass.size();
-        if view.viewport() != size {
-            return Err(GpuError::OtherSize { view: view.viewport(), depth: size });
-        }
-        let ready = ScreenRecords::new(view, Outline::OnScreen);
+        let ready = own.fit(pass, view)?;
         own.prepare(&ready, boxes, visible);
+        let constants = own.constants(&ready);
         let HzbBoxes { halving, layout, pipeline, room, pyramid, pyramid_of, records, owners, .. } = own;
-        if pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
-            (*room, *pyramid_of) = (None, None);
-        }
-        let make = || Pyramid::new(pass.gpu(), halving, size);
-        let pyramid = &*reuse_or_make(pyramid, |pyramid| pyramid.size() == size, make)?;
-        let mut starts = [0; MAX_LEVELS];
-        starts.iter_mut().zip(pyramid.starts()).for_each(|(slot, start)| *slot = start);
+        let Some(pyramid) = pyramid else { return Ok(()) };
         for (records, owners) in boxes::batches(records, owners) {
             let make = || Room::new(pass.gpu(), layout, pyramid, boxes::room_for(records.len()));
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, depth, version, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
-            let constants = Constants { margins: ready.margins(), width: size.width(), starts };
             stream.submit(OPERATION, |commands| {
                 if *pyramid_of != Some(version) {
                     pyramid.build(commands, halving, depth);
@@ -114,6 +126,26 @@ impl OcclusionTest for DeviceHzbTest<'_> {
             boxes::hand_out(room.answers.elements(), owners, visible);
         }
         Ok(())
+    }
+
+    fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, GpuError> {
+        let Self { pass, boxes: own } = self;
+        let ready = own.fit(pass, view)?;
+        let constants = own.constants(&ready);
+        let scene = Arc::clone(pass.scene());
+        if matches!(own.traversal, Traversal::Untried) {
+            own.traversal = DeviceTraversal::new(&scene)?
+                .map_or(Traversal::Impossible, |traversal| Traversal::Ready(Box::new(traversal)));
+        }
+        let HzbBoxes { halving, pyramid, pyramid_of, traversal, .. } = own;
+        let (Some(pyramid), Traversal::Ready(traversal)) = (pyramid, traversal) else { return Ok(None) };
+        let over = pass.over_depth()?;
+        let version = Some(over.version);
+        let is_built = *pyramid_of == version;
+        let mut depth = PyramidDepth { over, pyramid, halving, is_built, constants };
+        let found = traversal.traverse(&mut depth, &scene, view, rule)?;
+        *pyramid_of = version;
+        Ok(found)
     }
 
     fn outline(&self) -> Outline {
@@ -139,7 +171,34 @@ impl HzbBoxes {
             found: vec![],
             records: vec![],
             owners: vec![],
+            traversal: Traversal::default(),
         })
+    }
+
+    /// Makes room for a pyramid over the pass's depth, and what boxes of the view are prepared with.
+    fn fit(&mut self, pass: &ScenePass, view: &View) -> Result<ScreenRecords, GpuError> {
+        let Self { halving, room, pyramid, pyramid_of, traversal, .. } = self;
+        let size = pass.size();
+        if view.viewport() != size {
+            return Err(GpuError::OtherSize { view: view.viewport(), depth: size });
+        }
+        if pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
+            (*room, *pyramid_of) = (None, None);
+            if let Traversal::Ready(traversal) = traversal {
+                traversal.forget_pyramid();
+            }
+        }
+        let make = || Pyramid::new(pass.gpu(), halving, size);
+        reuse_or_make(pyramid, |pyramid| pyramid.size() == size, make)?;
+        Ok(ScreenRecords::new(view, Outline::OnScreen))
+    }
+
+    fn constants(&self, ready: &ScreenRecords) -> Constants {
+        let mut starts = [0; MAX_LEVELS];
+        let pyramid = self.pyramid.iter();
+        starts.iter_mut().zip(pyramid.flat_map(Pyramid::starts)).for_each(|(slot, start)| *slot = start);
+        let width = self.pyramid.as_ref().map_or(0, |pyramid| pyramid.size().width());
+        Constants { margins: ready.margins(), width, starts, step: 0, capacity: 0 }
     }
 
     /// Prepares a batch: a record for each box that depends on the depth, with its index.

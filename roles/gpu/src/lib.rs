@@ -95,6 +95,7 @@ mod sections;
 mod solid_pass;
 mod stream;
 mod timing;
+mod traversal;
 mod validation;
 mod wait;
 #[cfg(feature = "window")]

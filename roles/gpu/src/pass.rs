@@ -127,6 +127,10 @@ impl ScenePass {
         })
     }
 
+    pub(crate) const fn scene(&self) -> &Arc<GpuScene> {
+        &self.scene
+    }
+
     pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         self.scene.gpu()
     }

@@ -69,7 +69,7 @@ impl OcclusionTest for RasterTest<'_> {
             let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
-                commands.zero(&room.counts);
+                commands.fill(&room.counts, 0);
                 commands.barrier(scope::FILL, count);
                 commands.render(OverDepth::targets(depth, size), || {
                     commands.bind(pipeline, &constants);

@@ -11,7 +11,7 @@ use trimaran_cull::{Facing, Viewport};
 
 use crate::draw_record::{DrawCommand, Fetch};
 use crate::layout::{BindingSet, STAGES};
-use crate::memory::{Buffer, Image, ImageUse, layers, whole};
+use crate::memory::{Buffer, HostBuffer, Image, ImageUse, layers, whole};
 use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
 use crate::scope::{self, Scope};
 
@@ -186,6 +186,13 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_dispatch(self.commands, groups[0], groups[1], 1) };
     }
 
+    /// The same, where the workgroups across, down and deep stand in a buffer.
+    pub(crate) fn dispatch_indirect(&self, buffer: &Buffer, offset: u64) {
+        // SAFETY: the module's rule; the buffer was made with this usage, the three words lie within it at a
+        // multiple of 4, and shaders write no more groups than every device takes.
+        unsafe { self.device.cmd_dispatch_indirect(self.commands, buffer.handle(), offset) };
+    }
+
     /// Resets queries; outside of a render pass.
     pub(crate) fn reset_queries(&self, pool: vk::QueryPool, count: u32) {
         // SAFETY: the module's rule; the pool has at least `count` queries, none of them in use.
@@ -268,11 +275,17 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Sets a buffer to zero, before shaders count in it.
-    pub(crate) fn zero(&self, buffer: &Buffer) {
+    /// Sets all words of a buffer.
+    pub(crate) fn fill(&self, buffer: &Buffer, word: u32) {
         // SAFETY: the module's rule; the buffer was made to be written by transfers, and its size is a
         // multiple of 4.
-        unsafe { self.device.cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
+        unsafe { self.device.cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, word) };
+    }
+
+    /// Copies the first elements of a host's buffer.
+    pub(crate) fn copy_first<T: bytemuck::Pod>(&self, from: &HostBuffer<T>, to: &Buffer, count: usize) {
+        let size = (count * size_of::<T>()) as u64;
+        self.copy(from.buffer(), to, &[vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
     }
 
     /// Copies ranges of bytes from one buffer to another.

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::{MappedMutexGuard, Mutex, MutexGuard};
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Node, Scene};
 
 use crate::place::{Absent, Place};
+use crate::traversal::{Tree, TreeBudget};
 use crate::working_set::{Budget, HoldId, WorkingSet, WorkingSetStats};
 use crate::{Gpu, GpuError};
 
@@ -16,6 +17,8 @@ use crate::{Gpu, GpuError};
 pub struct GpuScene {
     // Before the device's owner, like all objects made from it.
     set: Mutex<WorkingSet>,
+    /// Once a culler traverses it on the device.
+    tree: Mutex<Option<Tree>>,
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
 }
@@ -38,7 +41,8 @@ impl GpuScene {
         staged: bool,
     ) -> Result<Arc<Self>, GpuError> {
         let set = WorkingSet::new(gpu, scene, budget, staged)?;
-        Ok(Arc::new(Self { set: Mutex::new(set), gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
+        let (set, tree) = (Mutex::new(set), Mutex::new(None));
+        Ok(Arc::new(Self { set, tree, gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
     }
 
     /// The device that holds it.
@@ -51,6 +55,20 @@ impl GpuScene {
     #[must_use]
     pub fn working_set(&self) -> WorkingSetStats {
         self.set.lock().stats()
+    }
+
+    /// The scene itself.
+    pub(crate) const fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The tree on the device, for one culler at a time.
+    pub(crate) fn tree(&self) -> Result<MappedMutexGuard<'_, Tree>, GpuError> {
+        let mut tree = self.tree.lock();
+        if tree.is_none() {
+            *tree = Some(Tree::new(&self.gpu, &self.scene, TreeBudget::new(&self.gpu))?);
+        }
+        MutexGuard::try_map(tree, Option::as_mut).map_err(|_| GpuError::NotBegun("the tree"))
     }
 
     /// The set itself, for one pass at a time.

@@ -2,7 +2,7 @@
 
 use std::{rc::Rc, time::Duration};
 
-use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
+use trimaran_cull::{Answer, CutRule, OcclusionTest, Outline, TestBox, View, WholeTraversal};
 
 use crate::{clock::Stopwatch, device::CullerDevice, turn::Turn};
 
@@ -60,6 +60,13 @@ impl<D: CullerDevice> OcclusionTest for InPieces<'_, D> {
             rest = later;
         }
         Ok(())
+    }
+
+    fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, D::Error> {
+        if let Some(turn) = &self.turn {
+            turn.rest();
+        }
+        self.device.traverse(view, rule)
     }
 
     fn outline(&self) -> Outline {

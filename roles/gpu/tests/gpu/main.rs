@@ -12,5 +12,6 @@ mod sections;
 mod see_through;
 mod solids;
 mod three_passes;
+mod traversal;
 mod walks;
 mod working_set;

@@ -1,0 +1,16 @@
+// The operations whose rounding decides, on given numbers.
+
+@group(0) @binding(0) var<storage, read_write> numbers: array<array<f64, 2>>;
+@group(0) @binding(1) var<storage, read_write> results: array<array<f64, 5>>;
+
+@compute @workgroup_size(64)
+fn cs_round(@builtin(global_invocation_id) at: vec3<u32>) {
+    let a = numbers[at.x][0];
+    let b = numbers[at.x][1];
+    let sum = a + b;
+    results[at.x][0] = quotient(a, b);
+    results[at.x][1] = root(abs(a));
+    results[at.x][2] = narrowed(a);
+    results[at.x][3] = sum - a;
+    results[at.x][4] = a * b - sum * a;
+}

@@ -1,0 +1,277 @@
+// HC: the traversal of the tree, as `Traversal` does it on the host. A dispatch prepares all nodes and pieces
+// of a step, and the next one tests those that the depth decides. Both append what follows to the next step.
+
+// `Entry`: a node or a piece to visit.
+struct Entry {
+    id: u32,
+    // Twice the step of the traversal that it belongs to, and one more if it is a piece.
+    step_and_kind: u32,
+}
+
+// What becomes of a node or piece that shows.
+struct Outcome {
+    entry: Entry,
+    // The first child or the first piece of the level to draw.
+    first: u32,
+    count: u32,
+    // Whether the children are visited.
+    refines: u32,
+}
+
+// `StepCounts`.
+struct Step {
+    visited: atomic<u32>,
+    outside: atomic<u32>,
+    tested: atomic<u32>,
+    eye_inside: atomic<u32>,
+    near_visible: atomic<u32>,
+    not_finite: atomic<u32>,
+    hidden: atomic<u32>,
+    refined: atomic<u32>,
+    // Found: nodes whose level is one piece, and pieces.
+    whole: atomic<u32>,
+    pieces: atomic<u32>,
+    // Nodes whose pieces follow.
+    in_pieces: atomic<u32>,
+}
+
+struct Groups {
+    x: atomic<u32>,
+    y: u32,
+    z: u32,
+}
+
+// A pair of dispatches.
+struct Dispatches {
+    prepare: Groups,
+    test: Groups,
+    entries: atomic<u32>,
+    boxes: atomic<u32>,
+}
+
+const STEPS = 64u;
+
+// `Counters`.
+struct Counters {
+    ids: atomic<u32>,
+    missing: atomic<u32>,
+    // Set where something found no room.
+    overflow: atomic<u32>,
+    unused: u32,
+    dispatches: array<Dispatches, 65>,
+    steps: array<Step, 64>,
+}
+
+const PREPARED_AT_ONCE = 64u;
+const ABSENT = 0xffffffffu;
+
+// The slots of pages: those of nodes first, then those of drawables.
+@group(0) @binding(3) var<storage, read_write> pages: array<u32>;
+@group(0) @binding(4) var<storage, read_write> nodes: array<Node>;
+@group(0) @binding(5) var<storage, read_write> drawables: array<Drawable>;
+// Two lists, used in turn.
+@group(0) @binding(6) var<storage, read_write> entries: array<Entry>;
+@group(0) @binding(7) var<storage, read_write> outcomes: array<Outcome>;
+@group(0) @binding(8) var<storage, read_write> ids: array<u32>;
+@group(0) @binding(9) var<storage, read_write> counters: Counters;
+@group(0) @binding(10) var<storage, read_write> missing: array<Entry>;
+// Two bits a node of the pages: `NodeAppearance`.
+@group(0) @binding(11) var<storage, read_write> appearances: array<u32>;
+
+const HIDDEN_NODE = 2u;
+const MIXED_NODE = 3u;
+
+// `PAGE`.
+const PAGE_BITS = 6u;
+
+// Where a record stands, or ABSENT.
+fn place_of(first_page: u32, number: u32) -> u32 {
+    let slot = pages[first_page + (number >> PAGE_BITS)];
+    return select((slot << PAGE_BITS) | (number & ((1u << PAGE_BITS) - 1u)), ABSENT, slot == ABSENT);
+}
+
+fn is_piece(entry: Entry) -> bool {
+    return (entry.step_and_kind & 1u) != 0u;
+}
+
+// Leaves an entry to the host, which brings the records that it lacks.
+fn leave(entry: Entry) {
+    let at = atomicAdd(&counters.missing, 1u);
+    if at < test.capacity {
+        missing[at] = entry;
+    } else {
+        atomicStore(&counters.overflow, 1u);
+    }
+}
+
+// Appends entries of the next step.
+fn visit(first: u32, count: u32, step_and_kind: u32) {
+    let next = test.step + 1u;
+    let at = atomicAdd(&counters.dispatches[next].entries, count);
+    if at + count > test.capacity {
+        atomicStore(&counters.overflow, 1u);
+        return;
+    }
+    for (var i = 0u; i < count; i += 1u) {
+        entries[(next & 1u) * test.capacity + at + i] = Entry(first + i, step_and_kind);
+    }
+    let groups = (at + count + PREPARED_AT_ONCE - 1u) / PREPARED_AT_ONCE;
+    atomicMax(&counters.dispatches[next].prepare.x, groups);
+}
+
+// What shows is drawn, or what is below it is visited.
+fn show(outcome: Outcome) {
+    let step = outcome.entry.step_and_kind >> 1u;
+    if outcome.refines != 0u {
+        atomicAdd(&counters.steps[step].refined, 1u);
+        visit(outcome.first, outcome.count, 2u * step + 2u);
+    } else if outcome.count != 1u {
+        atomicAdd(&counters.steps[step].refined, 1u);
+        atomicAdd(&counters.steps[step].in_pieces, 1u);
+        visit(outcome.first, outcome.count, 2u * step + 3u);
+    } else {
+        if is_piece(outcome.entry) {
+            atomicAdd(&counters.steps[step].pieces, 1u);
+        } else {
+            atomicAdd(&counters.steps[step].whole, 1u);
+        }
+        let at = atomicAdd(&counters.ids, 1u);
+        if at < test.capacity {
+            ids[at] = outcome.first;
+        } else {
+            atomicStore(&counters.overflow, 1u);
+        }
+    }
+}
+
+@compute @workgroup_size(PREPARED_AT_ONCE)
+fn cs_prepare(@builtin(global_invocation_id) at: vec3<u32>) {
+    if at.x < min(atomicLoad(&counters.dispatches[test.step].entries), test.capacity) {
+        prepare_entry(entries[(test.step & 1u) * test.capacity + at.x]);
+    }
+}
+
+// After the last step: the host goes on.
+@compute @workgroup_size(PREPARED_AT_ONCE)
+fn cs_leave(@builtin(global_invocation_id) at: vec3<u32>) {
+    if at.x < min(atomicLoad(&counters.dispatches[test.step].entries), test.capacity) {
+        leave(entries[(test.step & 1u) * test.capacity + at.x]);
+    }
+}
+
+fn prepare_entry(entry: Entry) {
+    let step = entry.step_and_kind >> 1u;
+    if step >= STEPS {
+        atomicStore(&counters.overflow, 1u);
+        return;
+    }
+    var number = entry.id;
+    var drawable: Drawable;
+    if is_piece(entry) {
+        let place = place_of(cut.drawable_pages, entry.id);
+        if place == ABSENT {
+            leave(entry);
+            return;
+        }
+        drawable = drawables[place];
+        number = drawable.node;
+    }
+    let place = place_of(0u, number);
+    if place == ABSENT {
+        leave(entry);
+        return;
+    }
+    let node = nodes[place];
+    var body = body_of(node);
+    var outcome = Outcome(entry, entry.id, 1u, 0u);
+    var is_hidden = false;
+    if is_piece(entry) {
+        body = piece_of(body, widened(drawable.local_min), widened(drawable.local_max));
+    } else {
+        let appearance = (appearances[place >> 4u] >> (2u * (place & 15u))) & 3u;
+        is_hidden = appearance == HIDDEN_NODE;
+        if !is_hidden && !is_outside(body) {
+            if !choose(node, body, appearance == MIXED_NODE, &outcome) {
+                leave(entry);
+                return;
+            }
+        }
+    }
+    atomicAdd(&counters.steps[step].visited, 1u);
+    if is_hidden || is_outside(body) {
+        atomicAdd(&counters.steps[step].outside, 1u);
+        return;
+    }
+    let ready = prepare_box(body);
+    switch ready.kind {
+        case OUTSIDE: {
+            atomicAdd(&counters.steps[step].outside, 1u);
+            return;
+        }
+        case EYE_INSIDE: { atomicAdd(&counters.steps[step].eye_inside, 1u); }
+        case ACROSS_NEAR: { atomicAdd(&counters.steps[step].near_visible, 1u); }
+        case NOT_FINITE: { atomicAdd(&counters.steps[step].not_finite, 1u); }
+        default: { atomicAdd(&counters.steps[step].tested, 1u); }
+    }
+    if ready.kind == HIDDEN {
+        atomicAdd(&counters.steps[step].hidden, 1u);
+    } else if ready.kind != BY_DEPTH {
+        show(outcome);
+    } else {
+        let at = atomicAdd(&counters.dispatches[test.step].boxes, 1u);
+        if at < test.capacity {
+            boxes[at] = ready.record;
+            outcomes[at] = outcome;
+            atomicMax(&counters.dispatches[test.step].test.x, at + 1u);
+        } else {
+            atomicStore(&counters.overflow, 1u);
+        }
+    }
+}
+
+// `LodCut::choose`: the coarsest level that is good enough, a leaf's finest one, or else the children. False
+// where a record is absent.
+fn choose(node: Node, body: Body, is_mixed: bool, outcome: ptr<function, Outcome>) -> bool {
+    (*outcome).first = node.first_child;
+    (*outcome).count = node.child_count;
+    (*outcome).refines = 1u;
+    if is_mixed {
+        return true;
+    }
+    let magnification = magnification_of(body);
+    let end = node.first_drawable + node.drawable_count;
+    var first = node.first_drawable;
+    while first < end {
+        let place = place_of(cut.drawable_pages, first);
+        if place == ABSENT {
+            return false;
+        }
+        let drawable = drawables[place];
+        let is_finest_of_a_leaf = node.child_count == 0u && first == node.first_drawable;
+        if is_finest_of_a_leaf || is_good(magnification, f64(drawable.error)) {
+            (*outcome).first = first;
+            (*outcome).count = drawable.pieces;
+            (*outcome).refines = 0u;
+        }
+        first += max(drawable.pieces, 1u);
+    }
+    return true;
+}
+
+@compute @workgroup_size(LANES)
+fn cs_test(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        shape = boxes[group.x];
+        atomicStore(&added, 0u);
+    }
+    workgroupBarrier();
+    let answer = shows(lane);
+    if lane == 0u {
+        let outcome = outcomes[group.x];
+        if answer != 0u {
+            show(outcome);
+        } else {
+            atomicAdd(&counters.steps[outcome.entry.step_and_kind >> 1u].hidden, 1u);
+        }
+    }
+}

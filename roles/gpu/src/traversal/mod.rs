@@ -1,0 +1,323 @@
+//! HC in one submission: the device goes through the tree by itself, from the root to the visible drawables.
+//!
+//! The host waits once a frame in place of once a level of the tree. Records that the device lacks end a
+//! branch: the host brings them, and another submission goes on there. Nothing is left out: a list that
+//! overflows is made larger, and the frame is culled anew.
+
+mod rounding;
+mod tree;
+
+use std::mem::offset_of;
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::Zeroable as _;
+use gpu_allocator::MemoryLocation;
+use trimaran_cull::{CutRecord, CutRule, ScreenRecord, StepCounts, View, WholeTraversal};
+use trimaran_proto::DrawableId;
+
+use crate::hzb::Constants;
+use crate::layout::{BindingSet, Layout};
+use crate::memory::{Buffer, HostBuffer};
+use crate::pass::OverDepth;
+use crate::pipeline::{Pipeline, shader};
+use crate::pyramid::{Halving, Pyramid};
+use crate::reuse::reuse_or_make;
+use crate::scope;
+use crate::{Gpu, GpuError, GpuScene};
+
+pub(crate) use rounding::rounds_as_the_host;
+use tree::Upload;
+pub(crate) use tree::{Tree, TreeBudget};
+
+/// The pipelines and buffers of one culler.
+pub(crate) struct DeviceTraversal {
+    layout: Arc<Layout>,
+    prepare: Pipeline,
+    test: Pipeline,
+    leave: Pipeline,
+    room: Option<Room>,
+    upload: Upload,
+    /// How many entries each list takes.
+    capacity: u32,
+    /// How many steps the last frame had.
+    steps: u32,
+}
+
+/// Lists of one capacity. The set binds them, the pyramid and the scene's tree.
+struct Room {
+    set: BindingSet,
+    capacity: u32,
+    cut: HostBuffer<CutRecord>,
+    /// The counters and the entries to begin with.
+    first: HostBuffer<Counters>,
+    first_entries: HostBuffer<Entry>,
+    entries: Buffer,
+    #[expect(dead_code, reason = "held")]
+    boxes: Buffer,
+    #[expect(dead_code, reason = "held")]
+    outcomes: Buffer,
+    counters: Buffer,
+    /// The counters at the end.
+    counted: HostBuffer<Counters>,
+    visible: HostBuffer<u32>,
+    missing: HostBuffer<Entry>,
+}
+
+/// A pyramid over a culler's depth, built or to be built.
+pub(crate) struct PyramidDepth<'a> {
+    pub(crate) over: OverDepth<'a>,
+    pub(crate) pyramid: &'a Pyramid,
+    pub(crate) halving: &'a Halving,
+    pub(crate) is_built: bool,
+    pub(crate) constants: Constants,
+}
+
+/// A node or a piece to visit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Entry {
+    id: u32,
+    step_and_kind: u32,
+}
+
+impl Entry {
+    const ROOT: Self = Self { id: 0, step_and_kind: 0 };
+
+    const fn is_piece(self) -> bool {
+        self.step_and_kind & 1 != 0
+    }
+}
+
+/// The workgroups of a dispatch.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Groups([u32; 3]);
+
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Dispatches {
+    prepare: Groups,
+    test: Groups,
+    entries: u32,
+    boxes: u32,
+}
+
+impl Dispatches {
+    const NONE: Self =
+        Self { prepare: Groups([0, 1, 1]), test: Groups([0, 1, 1]), entries: 0, boxes: 0 };
+}
+
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Counters {
+    visible: u32,
+    missing: u32,
+    overflow: u32,
+    unused: u32,
+    dispatches: [Dispatches; STEPS + 1],
+    steps: [StepCounts; STEPS],
+}
+
+/// The most steps of a frame: the tree's depth, and one more for the pieces of the deepest nodes.
+const STEPS: usize = 64;
+
+/// Entries that a workgroup prepares.
+const PREPARED_AT_ONCE: u32 = 64;
+
+/// The lists of a culler at first, and the most that a dispatch takes: Vulkan promises as many workgroups.
+const FIRST_CAPACITY: u32 = 8_191;
+const MOST_CAPACITY: u32 = 65_535;
+
+/// Submissions of a frame, most of which bring records, before the host takes over.
+const MOST_SUBMISSIONS: usize = 1_000;
+
+/// The bytes of `Outcome`.
+const OUTCOME_BYTES: usize = 20;
+
+/// The storage buffers that the shaders bind.
+const BUFFERS: u32 = 12;
+
+const OPERATION: &str = "traversing the tree on the device";
+
+impl DeviceTraversal {
+    /// `None` if the device cannot do that as the host does.
+    pub(crate) fn new(scene: &GpuScene) -> Result<Option<Self>, GpuError> {
+        let gpu = scene.gpu();
+        let is_able = gpu.limits().max_storage_buffers >= BUFFERS && gpu.rounds_as_the_host()?;
+        if !(is_able && scene.scene().is_whole()) {
+            return Ok(None);
+        }
+        let layout = Layout::new::<Constants>(gpu, BUFFERS)?;
+        let pipeline = |shader| Pipeline::compute(&layout, shader);
+        Ok(Some(Self {
+            prepare: pipeline(shader!("cs_prepare"))?,
+            test: pipeline(shader!("cs_test"))?,
+            leave: pipeline(shader!("cs_leave"))?,
+            layout,
+            room: None,
+            upload: Upload::new(gpu, &*scene.tree()?)?,
+            capacity: FIRST_CAPACITY,
+            steps: 16,
+        }))
+    }
+
+    /// The pyramid will be another one. The device is done with it.
+    pub(crate) fn forget_pyramid(&mut self) {
+        self.room = None;
+    }
+
+    /// Traverses the tree of `scene` from `view`. `None` if the longest lists do not suffice.
+    pub(crate) fn traverse(
+        &mut self,
+        depth: &mut PyramidDepth<'_>,
+        scene: &GpuScene,
+        view: &View,
+        rule: &CutRule,
+    ) -> Result<Option<WholeTraversal>, GpuError> {
+        let cut = CutRecord::new(scene.scene(), view, rule);
+        let (mut left, mut counters) = (vec![Entry::ROOT], Counters::zeroed());
+        for _ in 0..MOST_SUBMISSIONS {
+            counters = self.submit(depth, scene, (cut, rule), (&left, counters))?;
+            let Some(room) = &self.room else { return Ok(None) };
+            if counters.overflow != 0 {
+                if self.capacity == MOST_CAPACITY {
+                    return Ok(None);
+                }
+                self.capacity = (self.capacity * 4).min(MOST_CAPACITY);
+                (left, counters) = (vec![Entry::ROOT], Counters::zeroed());
+            } else if counters.missing == 0 {
+                let visible = room.visible.elements().get(..counters.visible as usize).unwrap_or_default();
+                let used = counters.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
+                self.steps = used as u32;
+                let steps = counters.steps.iter().take(used).copied().collect();
+                let visible = visible.iter().map(|id| DrawableId(*id)).collect();
+                return Ok(Some(WholeTraversal { visible, steps }));
+            } else {
+                left = room.missing.elements().get(..counters.missing as usize).unwrap_or_default().to_vec();
+            }
+        }
+        Ok(None)
+    }
+
+    /// Visits these entries and all below them, and counts on.
+    fn submit(
+        &mut self,
+        depth: &mut PyramidDepth<'_>,
+        scene: &GpuScene,
+        (mut cut, rule): (CutRecord, &CutRule),
+        (left, counters): (&[Entry], Counters),
+    ) -> Result<Counters, GpuError> {
+        let Self { layout, prepare, test, leave, room, upload, capacity, steps } = self;
+        let mut tree = scene.tree()?;
+        upload.bring(&mut tree, scene.scene(), left, rule)?;
+        cut.drawable_pages = tree.drawable_pages();
+        let bound = [depth.pyramid.texels(), tree.pages(), tree.nodes(), tree.drawables(), upload.appearances()];
+        let make = || Room::new(scene.gpu(), layout, bound, *capacity);
+        let room = reuse_or_make(room, |room| room.capacity == *capacity, make)?;
+        room.cut.elements_mut().fill(cut);
+        room.first.elements_mut().fill(counters.with_first(left.len() as u32));
+        for (slot, entry) in room.first_entries.elements_mut().iter_mut().zip(left) {
+            *slot = *entry;
+        }
+        // One step more than the last frame had, and then a dispatch for all that is left.
+        let last = (*steps + 1).clamp(4, STEPS as u32);
+        let (constants, capacity) = (depth.constants, *capacity);
+        let PyramidDepth { over: OverDepth { stream, depth, .. }, pyramid, halving, is_built, .. } = depth;
+        stream.submit(OPERATION, |commands| {
+            if !std::mem::replace(is_built, true) {
+                pyramid.build(commands, halving, depth);
+            }
+            commands.barrier(scope::TRAVERSAL, scope::FILL);
+            upload.record(commands, &mut tree);
+            commands.copy_first(&room.first, &room.counters, 1);
+            commands.copy_first(&room.first_entries, &room.entries, left.len());
+            commands.barrier(scope::FILL, scope::TRAVERSAL);
+            for step in 0..=last {
+                let constants = constants.of_step(step, capacity);
+                let dispatches = offset_of!(Counters, dispatches) + step as usize * size_of::<Dispatches>();
+                let run = |pipeline: &Pipeline, groups: usize| {
+                    commands.bind(pipeline, &constants);
+                    commands.bind_set(pipeline, &room.set);
+                    commands.dispatch_indirect(&room.counters, (dispatches + groups) as u64);
+                    commands.barrier(scope::TRAVERSAL, scope::TRAVERSAL);
+                };
+                if step == last {
+                    run(leave, offset_of!(Dispatches, prepare));
+                } else {
+                    run(prepare, offset_of!(Dispatches, prepare));
+                    run(test, offset_of!(Dispatches, test));
+                }
+            }
+            commands.barrier(scope::TRAVERSAL, scope::COPY_READ);
+            let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: size_of::<Counters>() as u64 };
+            commands.copy(&room.counters, room.counted.buffer(), &[all]);
+            commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
+            commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
+        })?;
+        drop(tree);
+        stream.wait(OPERATION)?;
+        Ok(room.counted.elements().first().copied().unwrap_or_else(Counters::zeroed))
+    }
+}
+
+impl Counters {
+    /// The same before a submission that begins with this many entries.
+    fn with_first(self, entries: u32) -> Self {
+        let mut dispatches = [Dispatches::NONE; STEPS + 1];
+        dispatches[0] = Dispatches {
+            prepare: Groups([entries.div_ceil(PREPARED_AT_ONCE), 1, 1]),
+            entries,
+            ..Dispatches::NONE
+        };
+        Self { missing: 0, overflow: 0, dispatches, ..self }
+    }
+}
+
+impl Room {
+    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, bound: [&Buffer; 5], capacity: u32) -> Result<Self, GpuError> {
+        use vk::BufferUsageFlags as Usage;
+        const LISTS: &str = "lists of a traversal";
+        let count = capacity as usize;
+        let list = |usage: Usage, bytes: usize| {
+            Buffer::new(gpu, LISTS, Usage::STORAGE_BUFFER | usage, MemoryLocation::GpuOnly, bytes as u64)
+        };
+        let entries = list(Usage::TRANSFER_DST, 2 * count * size_of::<Entry>())?;
+        let boxes = list(Usage::empty(), count * size_of::<ScreenRecord>())?;
+        let outcomes = list(Usage::empty(), count * OUTCOME_BYTES)?;
+        let counted = Usage::TRANSFER_SRC | Usage::TRANSFER_DST | Usage::INDIRECT_BUFFER;
+        let counters = list(counted, size_of::<Counters>())?;
+        let cut = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu, 1)?;
+        let visible = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::GpuToCpu, count)?;
+        let missing = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::GpuToCpu, count)?;
+        let [texels, pages, nodes, drawables, appearances] = bound;
+        let buffers = [
+            texels,
+            &boxes,
+            cut.buffer(),
+            pages,
+            nodes,
+            drawables,
+            &entries,
+            &outcomes,
+            visible.buffer(),
+            &counters,
+            missing.buffer(),
+            appearances,
+        ];
+        Ok(Self {
+            set: BindingSet::new(layout, &buffers)?,
+            capacity,
+            first: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu, 1)?,
+            first_entries: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu, count)?,
+            counted: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_DST, MemoryLocation::GpuToCpu, 1)?,
+            cut,
+            entries,
+            boxes,
+            outcomes,
+            counters,
+            visible,
+            missing,
+        })
+    }
+}

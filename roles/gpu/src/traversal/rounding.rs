@@ -1,0 +1,80 @@
+//! Whether a device rounds f64 as the host does: a test of rounding.wgsl at opening.
+
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+
+use crate::layout::{BindingSet, Layout};
+use crate::memory::HostBuffer;
+use crate::pipeline::{Pipeline, shader};
+use crate::scope;
+use crate::stream::Stream;
+use crate::{Gpu, GpuError};
+
+const OPERATION: &str = "comparing the device's arithmetic with the host's";
+
+/// Numbers that are tested.
+const CASES: usize = 1 << 16;
+
+/// The results of a pair of numbers: quotient, root of the first, the first in f32, and the remainders of sums
+/// and products.
+type Results = [f64; 5];
+
+/// Whether the device has the host's results, bit by bit.
+pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
+    let layout = Layout::new::<u32>(gpu, 2)?;
+    let pipeline = Pipeline::compute(&layout, shader!("cs_round"))?;
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+    let (to_device, to_host) = (MemoryLocation::CpuToGpu, MemoryLocation::GpuToCpu);
+    let mut numbers = HostBuffer::<[f64; 2]>::new(gpu, OPERATION, usage, to_device, CASES)?;
+    let results = HostBuffer::<Results>::new(gpu, OPERATION, usage, to_host, CASES)?;
+    let set = BindingSet::new(&layout, &[numbers.buffer(), results.buffer()])?;
+    numbers.elements_mut().iter_mut().zip(cases()).for_each(|(slot, case)| *slot = case);
+    let mut stream = Stream::new(gpu)?;
+    stream.submit(OPERATION, |commands| {
+        commands.bind(&pipeline, &0_u32);
+        commands.bind_set(&pipeline, &set);
+        commands.dispatch([CASES as u32 / 64, 1]);
+        commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
+    })?;
+    stream.wait(OPERATION)?;
+    let are_same = |(device, [a, b]): (&Results, [f64; 2])| {
+        device.map(f64::to_bits) == on_host(a, b).map(f64::to_bits)
+    };
+    Ok(results.elements().iter().zip(cases()).all(are_same))
+}
+
+fn on_host(a: f64, b: f64) -> Results {
+    let sum = a + b;
+    [a / b, a.abs().sqrt(), f64::from(a as f32), sum - a, a * b - sum * a]
+}
+
+/// Pairs of numbers with random bits, and next to where rounding changes: squares, products, whole numbers.
+fn cases() -> impl Iterator<Item = [f64; 2]> {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move || {
+        // Marsaglia's xorshift.
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    };
+    (0..CASES).map(move |index| {
+        // From 2^-30 to 2^31, of either sign.
+        let mut number = || {
+            let (bits, exponent) = (random(), random() % 62 + 993);
+            f64::from_bits(bits & 1 << 63 | exponent << 52 | bits >> 12)
+        };
+        let (a, b) = (number(), number());
+        let next = |x: f64| f64::from_bits(x.to_bits() + (index as u64 / 8) % 3 - 1);
+        match index % 8 {
+            0 => [next(b * b), b],
+            1 => [next(a * b), b],
+            2 => [a.trunc(), (b.trunc()).abs() + 1.0],
+            3 => [f64::from(a as f32) + 0.5 * f64::from(f32::EPSILON) * f64::from(a as f32), b],
+            4 => [next(a), a],
+            _ => [a, b],
+        }
+    })
+}
