@@ -68,6 +68,11 @@ pub trait OcclusionTest {
         Ok(None)
     }
 
+    /// Whether each traversal of its own is to be compared with one that asks box by box.
+    fn is_checked(&self) -> bool {
+        false
+    }
+
     /// Whether this test grows outlines by itself.
     fn outline(&self) -> Outline {
         Outline::default()

@@ -3,6 +3,7 @@
 //! tested one by one like children.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -43,11 +44,35 @@ pub enum CullError<E: std::error::Error + 'static> {
         /// The answers.
         answers: usize,
     },
+    /// The test's own traversal was compared with one that asks box by box, and differs.
+    #[error(
+        "the occlusion test's own traversal found {own} drawables, and one that asks box by box {asked}; {}: \
+        report the device and its driver", FirstDifference(*first)
+    )]
+    Differs {
+        /// The drawables that the test's own traversal found.
+        own: usize,
+        /// Those found box by box.
+        asked: usize,
+        /// The first drawable that only one of them found. None if only counters or steps differ.
+        first: Option<DrawableId>,
+    },
     /// The rule counts visible pixels, but the occlusion test does not.
     #[error(
         "stopping at few pixels needs an occlusion test that counts pixels; use another one or turn the rule off"
     )]
     NeedsPixelCount,
+}
+
+struct FirstDifference(Option<DrawableId>);
+
+impl std::fmt::Display for FirstDifference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            Some(id) => write!(f, "only one of them found {id}"),
+            None => f.write_str("their counters differ"),
+        }
+    }
 }
 
 /// A scene, and the traversal's working memory: make one, use it every frame.
@@ -176,6 +201,9 @@ impl<'c> Traversal<'c> {
         if !std::mem::replace(&mut self.has_begun, true)
             && let Some(whole) = test.traverse(&self.view, self.cut.rule()).map_err(CullError::Test)?
         {
+            if test.is_checked() {
+                self.check(test, &whole)?;
+            }
             self.take(whole);
         }
         while let Some(count) = self.memory.steps.pop() {
@@ -186,6 +214,14 @@ impl<'c> Traversal<'c> {
                 return Ok(Some(&self.memory.visible));
             }
         }
+        self.next_asked_level(test)
+    }
+
+    /// The same, asking box by box.
+    fn next_asked_level<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+    ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
         while !self.memory.level.is_empty() {
             let scene = self.scene;
             scene.reading(|| self.judge_level(test)).map_err(CullError::Scene)??;
@@ -237,6 +273,27 @@ impl<'c> Traversal<'c> {
         self.memory.steps.reverse();
         self.memory.rest = whole.visible;
         self.memory.rest.sort_unstable_by(|a, b| b.cmp(a));
+    }
+
+    /// Compares the test's own traversal with one that asks box by box.
+    fn check<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+        whole: &WholeTraversal,
+    ) -> Result<(), CullError<T::Error>> {
+        let (mut asked, mut steps) = (Vec::new(), Vec::new());
+        while let Some(level) = self.next_asked_level(test)? {
+            asked.extend_from_slice(level);
+            steps.push(level.len());
+        }
+        let given: Vec<usize> = whole.given().into_iter().filter(|count| *count > 0).collect();
+        let visible: BTreeSet<DrawableId> = whole.visible.iter().copied().collect();
+        let asked: BTreeSet<DrawableId> = asked.into_iter().collect();
+        if visible == asked && given == steps && whole.stats() == self.stats {
+            return Ok(());
+        }
+        let first = visible.symmetric_difference(&asked).next().copied();
+        Err(CullError::Differs { own: visible.len(), asked: asked.len(), first })
     }
 
     fn judge_level<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {

@@ -19,10 +19,12 @@ use std::time::Instant;
 
 use cpu::cpu_ms;
 use trimaran_cull::{
-    Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, TriangleBudget, View, Viewport,
-    lod_cut, select_occluders,
+    Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, OcclusionTest, Outline, TestBox,
+    TriangleBudget, View, Viewport, lod_cut, select_occluders,
 };
-use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
+use trimaran_gpu::{
+    Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, Optional, PicturePass,
+};
 use trimaran_proto::{DrawableId, FrameNumber};
 use trimaran_scene::{
     Scene,
@@ -86,6 +88,7 @@ fn start(path: &Path, budget: TriangleBudget, first: &View) -> Outcome<Roles> {
 /// The three roles, and the item pass (ID buffer) for the exactly visible set.
 struct Roles {
     scene: Arc<Scene>,
+    drawn: Arc<GpuScene>,
     rule: LodRule,
     budget: TriangleBudget,
     occluders: OccluderPass,
@@ -111,6 +114,7 @@ impl Roles {
             order: DrawOrder::default(),
             visible: Vec::new(),
             scene,
+            drawn: Arc::clone(drawn),
             rule,
             budget,
         })
@@ -130,7 +134,10 @@ impl Roles {
         let visible = &mut self.visible;
         visible.clear();
         self.culler.cull(view, self.rule, &mut occlusion_test, |ids| visible.extend_from_slice(ids))?;
+        table.add("HC: wall ms", lap.wall());
         table.add("HC: cpu ms", lap.cpu());
+        self.cull_on_device(view, table)?;
+        lap = Lap::begin();
         self.order.sort(&self.scene, view, &mut self.visible);
         table.add("RVG, sorting: cpu ms", lap.cpu());
         let all = std::mem::take(&mut self.visible);
@@ -170,6 +177,27 @@ impl Roles {
         Ok(due)
     }
 
+    /// HC again on the device: level by level, and the whole tree at once. All give the same.
+    fn cull_on_device(&mut self, view: &View, table: &mut Table) -> Outcome<()> {
+        let Self { culler, occluders, rule, visible, .. } = self;
+        if self.drawn.gpu().info().lacks.contains(&Optional::Float64) {
+            return Ok(());
+        }
+        let mut test = occluders.hzb_test()?;
+        let mut lap = Lap::begin();
+        let mut found = Vec::new();
+        culler.cull(view, *rule, &mut LevelByLevel(&mut test), |ids| found.extend_from_slice(ids))?;
+        table.add("HC, level by level on the device: wall ms", lap.wall());
+        table.add("HC, level by level on the device: cpu ms", lap.cpu());
+        let is_same = found == *visible;
+        found.clear();
+        lap = Lap::begin();
+        culler.cull(view, *rule, &mut test, |ids| found.extend_from_slice(ids))?;
+        table.add("HC, the whole tree on the device: wall ms", lap.wall());
+        table.add("HC, the whole tree on the device: cpu ms", lap.cpu());
+        if is_same && found == *visible { Ok(()) } else { Err("the device culls differently".into()) }
+    }
+
     fn picture(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<()> {
         self.pictures.begin(view)?;
         self.pictures.draw(ids)?;
@@ -192,6 +220,21 @@ impl Roles {
     fn triangles(&self, ids: &[DrawableId]) -> f64 {
         let drawables = self.scene.drawables();
         ids.iter().map(|id| f64::from(drawables[id.index()].triangles)).sum()
+    }
+}
+
+/// The same test without its own traversal.
+struct LevelByLevel<'t, T>(&'t mut T);
+
+impl<T: OcclusionTest> OcclusionTest for LevelByLevel<'_, T> {
+    type Error = T::Error;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), T::Error> {
+        self.0.test(view, boxes, visible)
+    }
+
+    fn outline(&self) -> Outline {
+        self.0.outline()
     }
 }
 
@@ -235,6 +278,11 @@ impl Lap {
     fn cpu(&mut self) -> f64 {
         let ended = std::mem::replace(self, Self::begin());
         self.cpu - ended.cpu
+    }
+
+    /// Wall milliseconds of the lap so far.
+    fn wall(&self) -> f64 {
+        self.wall.elapsed().as_secs_f64() * 1e3
     }
 
     fn print(&mut self, name: &str) {

@@ -10,7 +10,7 @@ use trimaran_cull::{
 };
 use trimaran_proto::{DrawableId, OcclusionTestKind};
 
-use crate::{GpuError, GpuScene, HzbPlace, OccluderPass};
+use crate::{GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
 
 /// Why a culler cannot draw or test.
 #[derive(Debug, Error)]
@@ -29,6 +29,8 @@ pub struct VulkanCuller {
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
     hzb_place: HzbPlace,
+    /// Whether traversals on the device are compared with the host's.
+    is_checked: bool,
     /// On the host, if the pyramid is there.
     pyramid: DepthPyramid,
 }
@@ -44,10 +46,13 @@ impl VulkanCuller {
         size: Viewport,
         occlusion_test: OcclusionTestKind,
     ) -> Result<Self, GpuError> {
+        let lacks_float64 = scene.gpu().info().lacks.contains(&Optional::Float64);
+        let is_checked = scene.gpu().checks_traversals() && !lacks_float64;
         Ok(Self {
             pass: OccluderPass::new(scene, size)?,
             occlusion_test,
-            hzb_place: scene.gpu().info().hzb_place,
+            hzb_place: if is_checked { HzbPlace::Device } else { scene.gpu().info().hzb_place },
+            is_checked,
             pyramid: DepthPyramid::default(),
         })
     }
@@ -123,6 +128,10 @@ impl OcclusionTest for VulkanCuller {
             (OcclusionTestKind::Hzb, HzbPlace::Device) => Ok(self.pass.hzb_test()?.traverse(view, rule)?),
             _ => Ok(None),
         }
+    }
+
+    fn is_checked(&self) -> bool {
+        self.is_checked
     }
 
     fn outline(&self) -> Outline {

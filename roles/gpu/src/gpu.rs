@@ -21,6 +21,9 @@ use crate::{DeviceChoice, GpuError, GpuInfo, Optional};
 pub struct GpuOptions {
     /// Whether the Khronos validation layer checks every call, synchronization included. Slow; for tests.
     pub validation: bool,
+    /// Whether each culler on a device with f64 traverses the tree on it, whatever its kind, and compares each
+    /// traversal with the host's: see [`CullError::Differs`](trimaran_cull::CullError::Differs).
+    pub check_traversals: bool,
     /// Which device.
     pub device: DeviceChoice,
     /// The most memory of the device for a scene's triangles, in bytes. They are loaded and dropped as
@@ -40,7 +43,7 @@ impl GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { validation: false, device: DeviceChoice::Best, memory: None, timeout: Self::TIMEOUT }
+        Self { validation: false, check_traversals: false, device: DeviceChoice::Best, memory: None, timeout: Self::TIMEOUT }
     }
 }
 
@@ -63,6 +66,7 @@ pub struct Gpu {
     info: GpuInfo,
     limits: Limits,
     memory: Option<u64>,
+    check_traversals: bool,
     timeout: Duration,
     /// Whether it rounds f64 as the host does, once that is known.
     rounds: OnceLock<bool>,
@@ -156,6 +160,11 @@ impl Gpu {
     /// The time limit of one submission.
     pub(crate) const fn timeout(&self) -> Duration {
         self.timeout
+    }
+
+    /// Whether traversals on the device are compared with the host's.
+    pub(crate) const fn checks_traversals(&self) -> bool {
+        self.check_traversals
     }
 
     /// Whether the device rounds f64 as the host does, which is tested once.
@@ -273,6 +282,7 @@ impl Parts {
             info: self.adapter.info,
             limits: self.adapter.limits,
             memory: options.memory,
+            check_traversals: options.check_traversals,
             timeout: options.timeout,
             rounds: OnceLock::new(),
             hung: AtomicBool::new(false),

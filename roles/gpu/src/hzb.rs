@@ -19,7 +19,7 @@ use crate::pyramid::{Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
 use crate::traversal::{DeviceTraversal, PyramidDepth};
-use crate::{Gpu, GpuError, Optional};
+use crate::{Gpu, GpuError, GpuScene, Optional};
 
 /// Tests boxes by compute shaders against a depth pyramid that stays on the device, with the answers of
 /// [`HzbTest`](trimaran_cull::HzbTest).
@@ -57,6 +57,16 @@ enum Traversal {
     /// The device cannot, or not as the host does.
     Impossible,
     Ready(Box<DeviceTraversal>),
+}
+
+impl Traversal {
+    fn get(&mut self, scene: &GpuScene) -> Result<Option<&mut DeviceTraversal>, GpuError> {
+        if matches!(self, Self::Untried) {
+            let made = DeviceTraversal::new(scene)?;
+            *self = made.map_or(Self::Impossible, |traversal| Self::Ready(Box::new(traversal)));
+        }
+        Ok(if let Self::Ready(traversal) = self { Some(traversal) } else { None })
+    }
 }
 
 /// Resources for a batch of this many boxes.
@@ -97,6 +107,14 @@ impl<'a> DeviceHzbTest<'a> {
     }
 }
 
+#[cfg(test)]
+impl DeviceHzbTest<'_> {
+    /// The traversal of the pass's scene.
+    pub(crate) fn traversal(&mut self) -> &mut DeviceTraversal {
+        self.boxes.traversal.get(self.pass.scene()).unwrap().unwrap()
+    }
+}
+
 impl OcclusionTest for DeviceHzbTest<'_> {
     type Error = GpuError;
 
@@ -133,12 +151,8 @@ impl OcclusionTest for DeviceHzbTest<'_> {
         let ready = own.fit(pass, view)?;
         let constants = own.constants(&ready);
         let scene = Arc::clone(pass.scene());
-        if matches!(own.traversal, Traversal::Untried) {
-            own.traversal = DeviceTraversal::new(&scene)?
-                .map_or(Traversal::Impossible, |traversal| Traversal::Ready(Box::new(traversal)));
-        }
         let HzbBoxes { halving, pyramid, pyramid_of, traversal, .. } = own;
-        let (Some(pyramid), Traversal::Ready(traversal)) = (pyramid, traversal) else { return Ok(None) };
+        let (Some(pyramid), Some(traversal)) = (pyramid, traversal.get(&scene)?) else { return Ok(None) };
         let over = pass.over_depth()?;
         let version = Some(over.version);
         let is_built = *pyramid_of == version;

@@ -62,6 +62,12 @@ impl GpuScene {
         &self.scene
     }
 
+    /// Begins anew with a tree that is no larger than this.
+    #[cfg(test)]
+    pub(crate) fn limit_tree(&self, budget: TreeBudget) {
+        *self.tree.lock() = Tree::new(&self.gpu, &self.scene, budget).ok();
+    }
+
     /// The tree on the device, for one culler at a time.
     pub(crate) fn tree(&self) -> Result<MappedMutexGuard<'_, Tree>, GpuError> {
         let mut tree = self.tree.lock();

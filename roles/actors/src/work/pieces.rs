@@ -69,6 +69,10 @@ impl<D: CullerDevice> OcclusionTest for InPieces<'_, D> {
         self.device.traverse(view, rule)
     }
 
+    fn is_checked(&self) -> bool {
+        self.device.is_checked()
+    }
+
     fn outline(&self) -> Outline {
         self.device.outline()
     }

@@ -34,7 +34,11 @@ fn neighbour(x: f64, above: bool) -> f64 {
 }
 
 fn quotient(a: f64, b: f64) -> f64 {
-    var guess = a / b;
+    return quotient_from(a / b, a, b);
+}
+
+fn quotient_from(first: f64, a: f64, b: f64) -> f64 {
+    var guess = first;
     if !(is_moderate(a) && is_moderate(b)) {
         return guess;
     }
@@ -49,7 +53,11 @@ fn quotient(a: f64, b: f64) -> f64 {
 }
 
 fn root(a: f64) -> f64 {
-    var guess = sqrt(a);
+    return root_from(sqrt(a), a);
+}
+
+fn root_from(first: f64, a: f64) -> f64 {
+    var guess = first;
     if !is_moderate(a) {
         return guess;
     }

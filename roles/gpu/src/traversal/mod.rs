@@ -5,6 +5,8 @@
 //! overflows is made larger, and the frame is culled anew.
 
 mod rounding;
+#[cfg(test)]
+mod tests;
 mod tree;
 
 use std::mem::offset_of;
@@ -130,7 +132,7 @@ const FIRST_CAPACITY: u32 = 8_191;
 const MOST_CAPACITY: u32 = 65_535;
 
 /// Submissions of a frame, most of which bring records, before the host takes over.
-const MOST_SUBMISSIONS: usize = 1_000;
+const MOST_SUBMISSIONS: usize = 256;
 
 /// The bytes of `Outcome`.
 const OUTCOME_BYTES: usize = 20;

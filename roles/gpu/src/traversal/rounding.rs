@@ -17,9 +17,9 @@ const OPERATION: &str = "comparing the device's arithmetic with the host's";
 /// Numbers that are tested.
 const CASES: usize = 1 << 16;
 
-/// The results of a pair of numbers: quotient, root of the first, the first in f32, and the remainders of sums
-/// and products.
-type Results = [f64; 5];
+/// The results of a pair of numbers: quotient, root of the first, the first in f32, what rounding leaves of
+/// sums and products, and quotient and root from poor guesses.
+type Results = [f64; 7];
 
 /// Whether the device has the host's results, bit by bit.
 pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
@@ -46,8 +46,8 @@ pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
 }
 
 fn on_host(a: f64, b: f64) -> Results {
-    let sum = a + b;
-    [a / b, a.abs().sqrt(), f64::from(a as f32), sum - a, a * b - sum * a]
+    let (sum, quotient, root) = (a + b, a / b, a.abs().sqrt());
+    [quotient, root, f64::from(a as f32), sum - a, a * b - sum * a, quotient, root]
 }
 
 /// Pairs of numbers with random bits, and next to where rounding changes: squares, products, whole numbers.
@@ -77,4 +77,19 @@ fn cases() -> impl Iterator<Item = [f64; 2]> {
             _ => [a, b],
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::common::{CheckedGpu, lacks_float64};
+
+    /// Also from poor guesses: CPU drivers' own quotients are right.
+    #[test]
+    fn the_device_rounds_as_the_host() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        if !lacks_float64(&gpu) {
+            assert!(rounds_as_the_host(&gpu).unwrap());
+        }
+    }
 }

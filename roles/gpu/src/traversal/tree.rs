@@ -15,8 +15,8 @@ use crate::{Gpu, GpuError};
 
 /// Records of a page.
 const PAGE: usize = 64;
-/// The least number of pages that are kept, if there are as many: far more than one node's.
-const LEAST: u64 = 64;
+/// The least budget: that of far more pages than one node's.
+const LEAST: u64 = 4 << 20;
 /// Not on the device.
 const ABSENT: u32 = u32::MAX;
 
@@ -27,7 +27,7 @@ pub(crate) struct TreeBudget(pub(crate) u64);
 impl TreeBudget {
     /// A sixteenth of the free memory, and what one buffer may have.
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self((gpu.limits().free_memory / 16).min(gpu.limits().max_storage_range))
+        Self((gpu.limits().free_memory / 16).max(LEAST).min(gpu.limits().max_storage_range))
     }
 }
 
@@ -70,7 +70,7 @@ struct Table {
 impl Table {
     fn new(gpu: &Arc<Gpu>, record_bytes: usize, pages: usize, budget: TreeBudget) -> Result<Self, GpuError> {
         let page_bytes = (PAGE * record_bytes) as u64;
-        let most = (budget.0 / page_bytes).max(LEAST).min(pages as u64);
+        let most = (budget.0 / page_bytes).max(1).min(pages as u64);
         use vk::BufferUsageFlags as Usage;
         let usage = Usage::STORAGE_BUFFER | Usage::TRANSFER_DST;
         let buffer = Buffer::new(gpu, "the tree", usage, MemoryLocation::GpuOnly, most * page_bytes)?;
