@@ -49,13 +49,22 @@ pub trait CullerDevice: OcclusionTest {
     /// Those of the device.
     fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
 
+    /// Completes the depth like [`finish_occluders`](Self::finish_occluders), but need not wait for the device:
+    /// the next test does. Then the time is only that of the host.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn submit_occluders(&mut self) -> Result<Duration, Self::Error> {
+        self.finish_occluders()
+    }
+
     /// Draws some more occluders, and completes the depth.
     ///
     /// # Errors
     /// Those of the device.
     fn add_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error> {
         self.draw_occluders(ids)?;
-        self.finish_occluders()?;
+        self.submit_occluders()?;
         Ok(())
     }
 

@@ -7,6 +7,7 @@
 //! one call.
 
 use glam::DVec3;
+use rayon::prelude::*;
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -18,14 +19,17 @@ pub struct DrawOrder {
     keys: Vec<u64>,
 }
 
+/// The least number of keys for a thread: some tens of microseconds' work.
+const MIN_KEYS: usize = 256;
+
 impl DrawOrder {
     /// Sorts `ids` by the distance of the eye from their world boxes (0 inside): first by the power of
     /// two of its square, then by the visible sides, and then by all of it, rounded to f32 and by one bit
     /// more. Equal ones are in the order of their ids.
     pub fn sort(&mut self, scene: &Scene, view: &View, ids: &mut [DrawableId]) {
         let (eye, solids) = (view.eye(), Solids::new(view));
-        self.keys.clear();
-        self.keys.extend(ids.iter().map(|&id| key(scene, eye, &solids, id)));
+        let keys = ids.par_iter().with_min_len(MIN_KEYS).map(|&id| key(scene, eye, &solids, id));
+        keys.collect_into_vec(&mut self.keys);
         self.keys.sort_unstable();
         for (slot, key) in ids.iter_mut().zip(&self.keys) {
             *slot = DrawableId((key & u64::from(u32::MAX)) as u32);

@@ -94,6 +94,15 @@ impl CullerDevice for VulkanCuller {
         Ok(Duration::try_from_secs_f64(timing.device_ms * 1e-3).unwrap_or_default())
     }
 
+    /// On the device the next submission waits for this one.
+    fn submit_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
+        if (self.occlusion_test, self.hzb_place) != (OcclusionTestKind::Hzb, HzbPlace::Device) {
+            return self.finish_occluders();
+        }
+        self.pass.flush()?;
+        Ok(Duration::ZERO)
+    }
+
     fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanCullerError> {
         Ok(self.pass.read_depth()?)
     }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use rayon::prelude::*;
 use trimaran_cull::{Facing, Solids, View};
 use trimaran_proto::DrawableId;
 
@@ -41,6 +42,9 @@ const CHUNK: usize = 16_384;
 /// The indices of a submission before the next one begins: 8 million triangles. So the device's time for one
 /// submission does not grow with the scene.
 const SUBMISSION: u64 = 3 << 23;
+
+/// The least number of draws for a thread: some tens of microseconds' work.
+const MIN_DRAWS: usize = 256;
 
 struct Chunk {
     records: HostBuffer<DrawRecord>,
@@ -85,39 +89,37 @@ impl Draws {
         places: &[Option<Place>],
     ) -> Result<(), GpuError> {
         let solids = opaque.then(|| Solids::new(view));
-        let mut placed = ids.iter().zip(places).filter_map(|(id, place)| Some((*id, (*place)?)));
-        let mut rest = placed.clone().count();
-        while rest > 0 {
+        let placed: Vec<_> = ids.iter().zip(places).filter_map(|(id, place)| Some((*id, (*place)?))).collect();
+        let mut rest = placed.as_slice();
+        while !rest.is_empty() {
             let (fetch, added, slot) = (self.fetch, self.added, self.added % CHUNK);
-            let count = rest.min(CHUNK - slot);
-            let (mut indices, mut ends, mut facings) = (self.indices, Vec::new(), Vec::new());
+            let (now, later) = rest.split_at(rest.len().min(CHUNK - slot));
             let chunk = self.chunk(added / CHUNK)?;
             let (Some(records), Some(commands)) =
                 (chunk.records.elements_mut().get_mut(slot..), chunk.commands.elements_mut().get_mut(slot..))
             else {
                 return Ok(()); // a chunk has CHUNK of both
             };
-            let slots = records.iter_mut().zip(commands).take(count);
-            for (index, ((record, command), (id, place))) in (0..).zip(slots.zip(&mut placed)) {
-                let (drawable, node) = scene.find(id)?;
-                facings.push(solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, &node)));
-                *record = DrawRecord {
-                    to_view: in_view(&node, view),
-                    id: id.0,
-                    first: [place.first_index, place.first_vertex],
-                };
-                *command = DrawCommand::new(fetch, drawable, place, (slot + index) as u32);
-                indices += 3 * u64::from(drawable.triangles);
-                if indices >= SUBMISSION {
-                    ends.push(added + index + 1);
-                    indices = 0;
+            let slots = records.par_iter_mut().zip(commands);
+            let draws = slots.zip(now).enumerate().with_min_len(MIN_DRAWS);
+            let draws = draws.map(|(index, ((record, command), (id, place)))| {
+                let (drawable, part) = scene.find(*id)?;
+                let first = [place.first_index, place.first_vertex];
+                *record = DrawRecord { to_view: in_view(&part, view), id: id.0, first };
+                *command = DrawCommand::new(fetch, drawable, *place, (slot + index) as u32);
+                let facing = solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, &part));
+                Ok((facing, 3 * u64::from(drawable.triangles)))
+            });
+            for (facing, indices) in draws.collect::<Result<Vec<_>, GpuError>>()? {
+                self.added += 1;
+                self.facings.push(facing);
+                self.indices += indices;
+                if self.indices >= SUBMISSION {
+                    self.ends.push_back(self.added);
+                    self.indices = 0;
                 }
             }
-            self.added += count;
-            self.facings.extend(facings);
-            self.indices = indices;
-            self.ends.extend(ends);
-            rest -= count;
+            rest = later;
         }
         Ok(())
     }

@@ -97,7 +97,8 @@ impl GpuScene {
     ) -> Result<u64, GpuError> {
         let mut numbers = Vec::with_capacity(ids.len());
         for &id in ids {
-            numbers.push(self.find(id)?.0.geometry);
+            let known = self.scene.drawables().get(id.index());
+            numbers.push(known.map_or_else(|| self.find(id).map(|(drawable, _)| drawable), Ok)?.geometry);
         }
         let mut set = self.set.lock();
         set.begin_draws(hold);

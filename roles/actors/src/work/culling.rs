@@ -150,8 +150,12 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         let start = self.clock.elapsed();
-        let drawing =
-            self.device.finish_occluders().map_err(RoleError::of_device::<D>("completing the depth"))?;
+        let completed = if self.idle_while_waiting {
+            self.device.finish_occluders()
+        } else {
+            self.device.submit_occluders()
+        };
+        let drawing = completed.map_err(RoleError::of_device::<D>("completing the depth"))?;
         let or_end = self.clock.elapsed();
         let waited = or_end.saturating_sub(start);
         // Occluders drawn as they come may have been drawn before this. Otherwise they were drawn while the
