@@ -114,7 +114,7 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// What a display does.
+/// A display's walk.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Walk {
     /// It shows the first camera until it has an exact picture.
@@ -161,7 +161,7 @@ impl Bench {
         })
     }
 
-    /// What a display that begins empty shows of these cameras.
+    /// The pictures of a display that begins empty, from these cameras.
     fn walk(
         &self,
         network: &Profile,
@@ -250,7 +250,7 @@ impl Bench {
     }
 }
 
-/// What was shown, in the simulator's time.
+/// The frames shown, in the simulator's time.
 #[derive(Default)]
 struct Seen {
     /// When each camera was handed out first, milliseconds.

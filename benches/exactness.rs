@@ -120,7 +120,7 @@ impl Walk {
         Ok(())
     }
 
-    /// What is found visible, and how many pixels differ from the picture without culling.
+    /// The visible set found, and how many pixels differ from the picture without culling.
     fn frame(&mut self, view: &View, last: &[DrawableId]) -> Outcome<(Vec<DrawableId>, u64)> {
         let policy = OccluderPolicy::default();
         let culled = policy.cull(&mut self.culler, &mut self.device, view, &self.rule.into(), last)?;
@@ -169,7 +169,7 @@ impl Walk {
         let causes = causes(&frame, &mut self.device, &missing)?;
         for (missing, cause) in missing.iter().zip(causes) {
             println!("  {}: {cause:?}, {} rounds", missing.id, culled.rounds);
-            // What the device draws there of it alone, and what is right.
+            // The depth that the device draws there of it alone, and the right one.
             self.picture(view, &[missing.id])?;
             let own = self.pictures.read_depth()?.depth().to_vec();
             let right = rasterize(&self.scene, view, [missing.id], Placement::Exact).depth32();

@@ -59,7 +59,7 @@ const SIDE: u32 = 512;
 /// How many pictures after a fault are held against those without culling.
 const AUDITED: usize = 6;
 
-/// What happens to a culler.
+/// A culler's fault.
 #[derive(Debug, Clone, Copy)]
 enum Fault {
     /// Its process is killed, and started again later.

@@ -1,5 +1,5 @@
-//! What a stream of JPEG pictures of a walk takes that are as good as what a display draws of the scene
-//! itself: beside it stands what `empty_display` says of the same walk.
+//! The cost of a stream of JPEG pictures of a walk that are as good as the pictures that a display draws of
+//! the scene itself. Compare it with the figures of `empty_display` for the same walk.
 //!
 //! `cargo bench --bench jpeg_stream -- X.scene [FRAMES [EPSILON [EVERY]]]`: an automatic walk without a jump
 //! of 120 frames at 2 px, if not given, of which each twelfth picture is looked at. As good is what differs

@@ -1,5 +1,5 @@
-//! What culling leaves after a jump, and once the camera has stood still: a camera jumps from place to place,
-//! and stands still for three frames at each.
+//! The set that culling leaves after a jump, and once the camera has stood still: a camera jumps from place
+//! to place, and stands still for three frames at each.
 //!
 //! The places are those of seeded automatic paths. Beside what is drawn stands what is exactly visible at the
 //! same LOD cut. That all of it is drawn is asserted in every frame, but for what f64 does not show anywhere:
@@ -67,7 +67,7 @@ fn views(scene: &Scene, size: Viewport, places: usize) -> Outcome<Vec<View>> {
     Ok(views)
 }
 
-/// What owns a pixel at the LOD cut, drawn without culling.
+/// The owners of pixels at the LOD cut, drawn without culling.
 struct Exact {
     drawables: Vec<DrawableId>,
     triangles: usize,

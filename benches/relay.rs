@@ -6,13 +6,12 @@
 //! one thread.
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
+mod common;
+
 use std::{
     cell::{Cell, RefCell},
-    error::Error,
     io::{Read, Write},
-    net::{TcpListener, TcpStream},
-    path::Path,
-    process::{Child, Command, Stdio},
+    net::TcpStream,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -20,74 +19,24 @@ use std::{
 use serde_json::Value;
 use tokio::runtime::Builder;
 use trimaran_actors::Link;
-use trimaran_cull::{LodRule, Viewport};
-use trimaran_proto::{
-    FrameNumber, Identity, Role, RoleMessage, SceneOutline, SessionKey, Settings, Walkthrough,
-};
-use trimaran_scene::{
-    Scene,
-    path::{AutoPathOptions, PosePath, auto},
-};
-use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect, sleep_until};
+use trimaran_proto::{FrameNumber, RoleMessage};
+use trimaran_transport::{Net, TokioNet, sleep_until};
 
-type Failed = Box<dyn Error + Send + Sync>;
+use common::{Failed, Walk, port};
 
-const SIDE: u32 = 512;
-const EPSILON_PX: f64 = 2.0;
-const POSES: u32 = 120;
 const HZ: u32 = 30;
 /// Frames before those that count.
 const EARLY: u32 = 60;
 
-/// A role's process, which ends with this.
-struct Process(Child);
-
-impl Process {
-    fn start(program: &str, args: &[&str]) -> Result<Self, Failed> {
-        let mut command = Command::new(program);
-        // All displays come from one address, at once.
-        let limits = ["peers=300", "handshakes_per_s=10000", "handshakes_per_s_per_address=10000"];
-        command.args(args);
-        for limit in limits {
-            command.args(["-o", &format!("limits.{limit}")]);
-        }
-        Ok(Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?))
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ended = self.0.kill();
-        let _code = self.0.wait();
-    }
-}
-
 fn main() -> Result<(), Failed> {
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-    let [scene, rest @ ..] = words.as_slice() else {
-        println!("skipped: give a cooked scene: cargo bench --bench relay -- X.scene [SECONDS [PROGRAM]]");
-        return Ok(());
-    };
-    let seconds: u32 = rest.first().map_or(Ok(10), |word| word.parse())?;
-    let program = rest.get(1).map_or(env!("CARGO_BIN_EXE_trimaran"), String::as_str);
-    let opened = Scene::open(Path::new(scene))?;
-    let path = auto(&opened, &AutoPathOptions { frames: POSES, seed: 1, teleport: false })?.path;
+    let Some(walk) = Walk::of_args("relay", 10)? else { return Ok(()) };
     print!("| relays | watchers | culls a frame | bytes a frame, culler | leader ms: p50 | p99 ");
     println!("| watchers ms: p50 | p99 | frames missed |");
     println!("|---|---|---|---|---|---|---|---|---|");
     for (relays, watchers) in [(0, 0), (1, 0), (1, 16), (1, 64), (2, 64)] {
-        let walk = Walk { program, scene, outline: opened.outline(), path: &path, seconds };
-        walk.measure(relays, watchers)?;
+        measure(&walk, relays, watchers)?;
     }
     Ok(())
-}
-
-struct Walk<'w> {
-    program: &'w str,
-    scene: &'w str,
-    outline: SceneOutline,
-    path: &'w PosePath,
-    seconds: u32,
 }
 
 /// The notes of displays about frames.
@@ -108,92 +57,75 @@ impl Notes {
     }
 }
 
-impl Walk<'_> {
-    fn measure(&self, relays: usize, watchers: u32) -> Result<(), Failed> {
-        let port = || Ok::<_, Failed>(TcpListener::bind("127.0.0.1:0")?.local_addr()?);
-        let at = |port| format!("tcp://{port}");
-        let culler = port()?;
-        let mut processes = vec![Process::start(
-            self.program,
-            &["role", "culler", "--listen", &at(culler), "--scene", self.scene],
-        )?];
-        let (mut last, mut metrics) = (culler, Vec::new());
-        for _ in 0..relays {
-            let (listen, shown) = (port()?, port()?);
-            let args = ["role", "relay", "--upstream", &at(last), "--listen", &at(listen)];
-            let shows = ["--metrics", &shown.to_string()];
-            processes.push(Process::start(self.program, &[&args[..], &shows].concat())?);
-            (last, metrics) = (listen, [metrics, vec![shown]].concat());
-        }
-        let at: Endpoint = at(last).parse()?;
-        let runtime = Builder::new_current_thread().enable_all().build()?;
-        let notes = Notes::default();
-        let (frames, direct) = runtime.block_on(async {
-            let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
-            let settings = Settings::new(Viewport::new(SIDE, SIDE)?, LodRule::new(EPSILON_PX)?);
-            let join = async |session| {
-                let identity = Identity { role: Role::Display, scene: Some(self.outline), session };
-                let by = net.now().after(Duration::from_secs(60));
-                connect::<Walkthrough>(&net, &at, identity, &Options::default(), by).await
-            };
-            let mut watching = Vec::new();
-            for _ in 0..watchers {
-                watching.push(join(None).await?);
-            }
-            let mut leader = join(Some((SessionKey(1), settings))).await?;
-            let stats = leader.stats.clone();
-            let watch = futures_util::future::join_all(watching.into_iter().map(|link| watch(link, &notes)));
-            tokio::select! {
-                frames = self.lead(&net, &mut leader, &notes) => {
-                    let carried = stats.read();
-                    let bytes = carried.received.begin.bytes + carried.received.batches.bytes
-                        + carried.received.end.bytes + carried.received.header_bytes;
-                    Ok::<_, Failed>((frames?, bytes))
-                }
-                _ = watch, if watchers > 0 => Err("the watchers were let go".into()),
-            }
-        })?;
-        let upstream = metrics.first().map(|shown| read(&shown.to_string())).transpose()?;
-        let bytes = upstream.unwrap_or(direct) as f64 / f64::from(frames);
-        let counted = f64::from(frames - EARLY) * f64::from(watchers);
-        let (mut led, mut watched) = (notes.led.into_inner(), notes.watched.into_inner());
-        let missed = (counted - watched.len() as f64).max(0.0);
-        let [led50, led99] = ranks(&mut led);
-        let [watched50, watched99] = ranks(&mut watched);
-        let culls = f64::from(notes.culls.get()) / f64::from(frames);
-        print!("| {relays} | {watchers} | {culls:.2} | {bytes:.0} | {led50:.2} | {led99:.2} ");
-        println!("| {watched50:.2} | {watched99:.2} | {missed:.0} of {counted:.0} |");
-        Ok(())
+fn measure(walk: &Walk, relays: usize, watchers: u32) -> Result<(), Failed> {
+    let (culler, mut at) = walk.culler()?;
+    let (mut processes, mut metrics) = (vec![culler], Vec::new());
+    for _ in 0..relays {
+        let shown = port()?.to_string();
+        let (relay, listens) = walk.start("relay", &["--upstream", &at.to_string(), "--metrics", &shown])?;
+        processes.push(relay);
+        metrics.push(shown);
+        at = listens;
     }
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    let notes = Notes::default();
+    let (frames, direct) = runtime.block_on(async {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+        let mut watching = Vec::new();
+        for _ in 0..watchers {
+            watching.push(walk.join(&net, &at, None).await?);
+        }
+        let mut leader = walk.join(&net, &at, Some(1)).await?;
+        let stats = leader.stats.clone();
+        let watch = futures_util::future::join_all(watching.into_iter().map(|link| watch(link, &notes)));
+        tokio::select! {
+            frames = lead(walk, &net, &mut leader, &notes) => {
+                let carried = stats.read();
+                let bytes = carried.received.begin.bytes + carried.received.batches.bytes
+                    + carried.received.end.bytes + carried.received.header_bytes;
+                Ok::<_, Failed>((frames?, bytes))
+            }
+            _ = watch, if watchers > 0 => Err("the watchers were let go".into()),
+        }
+    })?;
+    let upstream = metrics.first().map(|shown| read(shown)).transpose()?;
+    let bytes = upstream.unwrap_or(direct) as f64 / f64::from(frames);
+    let counted = f64::from(frames - EARLY) * f64::from(watchers);
+    let (mut led, mut watched) = (notes.led.into_inner(), notes.watched.into_inner());
+    let missed = (counted - watched.len() as f64).max(0.0);
+    let [led50, led99] = ranks(&mut led);
+    let [watched50, watched99] = ranks(&mut watched);
+    let culls = f64::from(notes.culls.get()) / f64::from(frames);
+    print!("| {relays} | {watchers} | {culls:.2} | {bytes:.0} | {led50:.2} | {led99:.2} ");
+    println!("| {watched50:.2} | {watched99:.2} | {missed:.0} of {counted:.0} |");
+    Ok(())
+}
 
-    /// Asks for each pose at its time. Returns how many.
-    async fn lead(&self, net: &Arc<dyn Net>, link: &mut Link, notes: &Notes) -> Result<u32, Failed> {
-        let near = self.path.near().ok_or("the path names no near distance")?;
-        let frames = EARLY + self.seconds * HZ;
-        let mut tick = net.now();
-        for frame in (0..frames).map(FrameNumber) {
-            let pose = self.path.frames().get((frame.0 % POSES) as usize).ok_or("a short path")?;
-            notes.asked.borrow_mut().push(Instant::now());
-            link.latest_tx.publish(pose.camera(self.path.vfov_deg(), near, frame)?)?;
-            let mut is_due = true;
-            tick = tick.after(Duration::from_secs(1) / HZ);
-            loop {
-                tokio::select! {
-                    biased;
-                    whole = link.frames_rx.frame(), if is_due => {
-                        is_due = whole?.start.header.frame() != frame;
-                        notes.led.borrow_mut().extend(notes.age(frame));
-                    }
-                    message = link.messages_rx.recv() => if let RoleMessage::Stats(stats) = message? {
-                        let culled = stats.hc_end_ns > stats.or_start_ns;
-                        notes.culls.set(notes.culls.get() + u32::from(culled));
-                    },
-                    () = sleep_until(&**net, tick), if !is_due => break,
+/// Asks for each pose at its time. Returns how many.
+async fn lead(walk: &Walk, net: &Arc<dyn Net>, link: &mut Link, notes: &Notes) -> Result<u32, Failed> {
+    let frames = EARLY + walk.seconds * HZ;
+    let mut tick = net.now();
+    for frame in (0..frames).map(FrameNumber) {
+        notes.asked.borrow_mut().push(Instant::now());
+        link.latest_tx.publish(walk.camera(frame.0, 1.0, frame.0)?)?;
+        let mut is_due = true;
+        tick = tick.after(Duration::from_secs(1) / HZ);
+        loop {
+            tokio::select! {
+                biased;
+                whole = link.frames_rx.frame(), if is_due => {
+                    is_due = whole?.start.header.frame() != frame;
+                    notes.led.borrow_mut().extend(notes.age(frame));
                 }
+                message = link.messages_rx.recv() => if let RoleMessage::Stats(stats) = message? {
+                    let culled = stats.hc_end_ns > stats.or_start_ns;
+                    notes.culls.set(notes.culls.get() + u32::from(culled));
+                },
+                () = sleep_until(&**net, tick), if !is_due => break,
             }
         }
-        Ok(frames)
     }
+    Ok(frames)
 }
 
 /// Notes each frame of a watcher, until it is let go.

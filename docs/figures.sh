@@ -76,7 +76,7 @@ sim() {
     quietly "$@"
 }
 
-# What every awk below needs: figures of three digits, columns by name.
+# Functions for every awk below: figures of three digits, columns by name.
 lib='
     function cell(text) { return text ~ /^-?[0-9.]+(e-?[0-9]+)?$/ ? figure(text + 0) : text }
     # Integers with commas, others with three digits that count.

@@ -19,7 +19,7 @@ mount_into() {
     mount --bind "$1" "$machine/$2"
 }
 clean_up() {
-    # What the tests mounted there too: network namespaces are mounts.
+    # Mounts of the tests as well: network namespaces are mounts.
     findmnt --raw --noheadings --output TARGET | { grep "^$machine" || true; } | tac | while read -r path; do
         umount "$path" || umount --lazy "$path"
     done

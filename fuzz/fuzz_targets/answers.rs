@@ -1,4 +1,4 @@
-//! What a stranger answers to who connects over byte streams.
+//! The answers of a stranger to a peer that connects over byte streams.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

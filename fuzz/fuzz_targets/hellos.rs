@@ -1,4 +1,4 @@
-//! What a stranger says to a listener over byte streams.
+//! The bytes of a stranger to a listener over byte streams.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! What must hold for any bytes at all on a link of any application. The fuzz targets search for bytes that
+//! Properties of any bytes at all on a link of any application. The fuzz targets search for bytes that
 //! break it; an ordinary test of `transport/wire` replays the corpus.
 
 use bytes::BytesMut;

@@ -1,5 +1,5 @@
-//! What a peer that knows the key can make a connection do: no more than is stated for its bytes, whatever it
-//! sends. The fuzz target searches for packets that break that; an ordinary test of `trimaran-udp` replays
+//! The work that a peer with the key can cause a connection: no more than is stated for its bytes, whatever
+//! it sends. The fuzz target searches for packets that break that; an ordinary test of `trimaran-udp` replays
 //! the corpus.
 
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub fn costs(bytes: &[u8]) {
             connection.handle(now, &sealed(HERE.0, number, &chunks));
             number += 1;
             chunks.clear();
-            // What this side sends gives the peer something to acknowledge.
+            // A frame of this side gives the peer something to acknowledge.
             if number % 4 == 0 && connection.is_writable(UnitLane::Frames) {
                 send_frame(&mut connection, frame);
                 frame += 1;
@@ -84,7 +84,7 @@ fn chunk(reader: &mut impl Iterator<Item = u8>, sent: u64) -> Option<Vec<u8>> {
         }
         13 => vec![1; usize::from(next())],
         14 => vec![next()],
-        // Whatever has happened, an acknowledgement of all that was sent.
+        // In any state, an acknowledgement of all that was sent.
         15 if kind > 128 && sent > 0 => acknowledgement(&[(0, sent)]),
         _ => Vec::new(),
     })

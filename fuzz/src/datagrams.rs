@@ -1,4 +1,4 @@
-//! What must hold for any datagram at all. The fuzz targets search for one that breaks it; an ordinary test
+//! Properties of any datagram at all. The fuzz targets search for one that breaks it; an ordinary test
 //! of `trimaran-udp` replays the corpus.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

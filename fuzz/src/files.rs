@@ -1,4 +1,4 @@
-//! What must hold for any files at all. The fuzz targets search for files that break it; an ordinary test of
+//! Properties of any files at all. The fuzz targets search for files that break it; an ordinary test of
 //! `trimaran` replays the corpus.
 
 use trimaran::trace::Trace;

@@ -1,4 +1,4 @@
-//! What must hold for two peers that shake hands while a stranger without their keys sees, repeats, changes
+//! Properties of two peers that shake hands while a stranger without their keys sees, repeats, changes
 //! and sends whatever it likes. The fuzz target searches for packets that break it; an ordinary test of
 //! `trimaran-udp` replays the corpus.
 

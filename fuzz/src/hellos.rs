@@ -1,4 +1,4 @@
-//! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
+//! Properties of any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
 //! that break it; an ordinary test of `trimaran-transport` replays the corpus.
 //!
 //! An input is what is said on each of the four connections, one after the other, each but the last behind a
@@ -62,7 +62,7 @@ pub fn hellos(bytes: &[u8]) -> bool {
                 let Ok(to) = there.resolve("here:4000").await else { unreachable!("it has a name") };
                 let opened = there.connect_tcp(to[0], TcpOptions::default()).await;
                 let Ok(mut stream) = opened else { unreachable!("it listens") };
-                // Who is refused on one connection may find the others closed.
+                // A peer that is refused on one connection may find the others closed.
                 let _said = stream.writer.write_all(said).await;
                 streams.push(stream);
             }
@@ -72,7 +72,7 @@ pub fn hellos(bytes: &[u8]) -> bool {
             }
             accepted
         };
-        // Whoever gets in is left at once.
+        // A peer that gets in is left at once.
         let accepts = async { while listener.accept(here.now().after(MINUTE * 60)).await.is_ok() {} };
         tokio::select! {
             biased;
@@ -104,7 +104,7 @@ async fn hear(net: &dyn Net, mut stream: Stream) -> bool {
     }
 }
 
-/// Whoever has a listener's address says anything to a peer that connects, each time that it does: the peer
+/// The holder of a listener's address says anything to a peer that connects, each time it does: the peer
 /// gets a link, or has tried again until its deadline. Gives whether it got one.
 pub fn answers(bytes: &[u8]) -> bool {
     let (simulation, [here, there]) = machines();

@@ -1,4 +1,4 @@
-//! What the fuzz targets check.
+//! The checks of the fuzz targets.
 
 pub mod checks;
 pub mod costs;

@@ -1,4 +1,4 @@
-//! What must hold for any model and any scene file at all. The fuzz targets search for files that break it;
+//! Properties of any model and any scene file at all. The fuzz targets search for files that break it;
 //! an ordinary test of `trimaran-cook` replays the corpus.
 
 use std::path::Path;
@@ -96,7 +96,7 @@ fn import(name: &str, bytes: &[u8]) {
     sound(name, import_bytes(Path::new(name), bytes, &options));
 }
 
-/// What is imported is sound and within the limits; what is small is cooked, or refused with a reason.
+/// An imported model is sound and within the limits. A small one is cooked, or refused with a reason.
 fn sound(name: &str, imported: Result<Imported, ImportError>) {
     let imported = match imported {
         Ok(imported) => imported,

@@ -1,4 +1,4 @@
-//! What must hold for any block of the bulk lane. The fuzz target searches for blocks that break it; an
+//! Properties of any block of the bulk lane. The fuzz target searches for blocks that break it; an
 //! ordinary test of `proto` replays the corpus.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,7 +12,7 @@ use trimaran_proto::{Demand, DrawableId, NumberList, SceneHash, SceneOutline, Su
 use trimaran_scene::{DrawableEntry, GeometryPlace, Scene, pack_entries, unpack_entries};
 use trimaran_wire::MAX_BLOCK;
 
-/// What a display knows of the scene that blocks are about.
+/// The outline that a display has of the scene.
 pub const OUTLINE: SceneOutline =
     SceneOutline { hash: SceneHash(0x1234), nodes: 6, drawables: 8, geometries: 4, objects: 5 };
 
@@ -55,10 +55,10 @@ fn list(numbers: &NumberList) {
 /// A display, and the piece of which parts have come.
 #[derive(Debug)]
 pub struct Display {
-    /// What was given.
+    /// The parts that have come.
     pub scene: Scene,
     arriving: Option<(u32, u32, Vec<u8>)>,
-    /// What stands in for which drawables, all of them of the scene.
+    /// The stand-ins of drawables, all of them of the scene.
     stand_ins: BTreeMap<DrawableId, (DrawableId, u32)>,
     /// Pieces of the scene that were said to come ahead.
     pub ahead: BTreeSet<u32>,

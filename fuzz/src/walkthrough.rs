@@ -1,4 +1,4 @@
-//! What must hold for any bytes that come from a role of Trimaran. The fuzz targets search for bytes that
+//! Properties of any bytes that come from a role of Trimaran. The fuzz targets search for bytes that
 //! break it; an ordinary test of `proto` replays the corpus.
 
 use bytes::Bytes;
@@ -13,8 +13,8 @@ use trimaran_wire::{
 
 use crate::checks;
 
-/// What messages hold is read or refused; and what was read is written again as it stood, or, where it has
-/// varints, so that it reads the same.
+/// Bytes of messages are read or refused. A message that was read is written as the same bytes, or, where it
+/// has varints, so that it reads the same.
 pub fn decode(bytes: &[u8]) {
     for message in checks::decode(bytes, &Format::of::<Walkthrough>()) {
         match message {

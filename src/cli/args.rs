@@ -1,4 +1,4 @@
-//! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
+//! The command line. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
 #[cfg(feature = "lab")]

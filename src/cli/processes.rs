@@ -12,7 +12,7 @@ use tokio::{
     process::{Child, ChildStdin, Command},
     runtime::Runtime,
 };
-use trimaran::config::{CullerConfig, CullerPeers};
+use trimaran::config::{CommonConfig, CullerConfig, CullerPeers, GpuConfig};
 use trimaran_actors::{CullerId, PeerEndpoint};
 use trimaran_proto::Role;
 use trimaran_transport::{
@@ -131,15 +131,15 @@ impl CullerProcesses {
                 displays: None,
                 cullers: others(&endpoints, &endpoint),
                 culling: args.culling,
-                device: args.walk.device.clone(),
-                gpu_memory: args.walk.gpu_memory,
                 // They serve only this display, which may use all that the device can do.
                 max_picture: "65536x65536".to_owned(),
                 depth_memory: Some(ByteSize::tib(1)),
-                device_timeout_s: args.walk.device_timeout,
-                join_timeout_s: 120.0,
-                metrics: None,
-                keys,
+                gpu: GpuConfig {
+                    device: args.walk.device.clone(),
+                    gpu_memory: args.walk.gpu_memory,
+                    device_timeout_s: args.walk.device_timeout,
+                },
+                common: CommonConfig { join_timeout_s: 120.0, metrics: None, keys },
                 peers,
             };
             let path = folder.join(format!("culler-{}.toml", id.index() + 1));

@@ -18,7 +18,7 @@ use trimaran_transport::{Endpoint, Endpoints, Options, UdpMode};
 
 use super::{
     Failure,
-    walking::{Metrics, Start, gpu_options, scene, upload},
+    walking::{Start, role_gpu, scene, upload},
 };
 
 /// Passes on frames until it is stopped.
@@ -36,12 +36,11 @@ pub(super) fn relay(
         PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: &config.peers.displays },
     ];
     let endpoints = config.upstream.iter().chain(config.listen.iter());
-    let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let known =
+        security(options, endpoints, config.common.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let options = options.clone().with_security(known);
-    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
-        return Ok(());
-    };
+    let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
+    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let endpoint = the_one("upstream", &config.upstream)?;
     let upstream = PeerEndpoint { endpoint, options: options.clone() };
     let at = RelayEndpoints { upstream, listen: config.listen.clone(), options };
@@ -65,16 +64,14 @@ pub(super) fn watcher(
     runtime: &Runtime,
 ) -> Result<(), Failure> {
     let peers = [PeerFiles { name: "peers.relay", role: Some(Role::Culler), paths: &config.peers.relay }];
-    let known = security(options, config.relay.iter(), config.keys.as_deref(), &peers);
+    let known = security(options, config.relay.iter(), config.common.keys.as_deref(), &peers);
     let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
-    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
-    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
+    let gpu = role_gpu(&config.gpu);
+    let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
-        return Ok(());
-    };
+    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     // The first frame's view state has the size of the picture, and its levels.
     let small = Viewport::new(64, 64).map_err(Failure::broken)?;
     let settings = Settings::new(small, LodRule::new(2.0).map_err(Failure::broken)?);

@@ -25,7 +25,7 @@ use super::{
     progress,
     recording::{self, Recording, open_folder},
     relay,
-    walking::{self, Metrics, Start, gpu_options, scene, upload},
+    walking::{self, Start, role_gpu, scene, upload},
 };
 
 /// How long the last links of a process may take to send their closes.
@@ -88,16 +88,15 @@ fn culler(
     ];
     let endpoints = config.listen.iter().chain(&config.displays).chain(&config.cullers);
     let endpoints = endpoints.flat_map(Endpoints::iter);
-    let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let known =
+        security(options, endpoints, config.common.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = options.clone().with_security(known);
-    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
-    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
+    let gpu = role_gpu(&config.gpu);
+    let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
-        return Ok(());
-    };
+    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let at = ServiceEndpoints {
         listen: config.listen.clone(),
@@ -131,11 +130,11 @@ fn display(
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let peers = [PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: &config.peers.cullers }];
     let endpoints = || config.cullers.iter().chain(&config.listen).flat_map(Endpoints::iter);
-    let known = security(options, endpoints(), config.keys.as_deref(), &peers);
+    let known = security(options, endpoints(), config.common.keys.as_deref(), &peers);
     let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
     recording::check(&plan, config.record.as_deref())?;
-    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
+    let gpu = role_gpu(&config.gpu);
+    let start = Start::new(runtime, config.common.join_timeout_s, until_input_ends);
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
         return Ok(());
     };
@@ -155,9 +154,7 @@ fn display(
         }
         false => None,
     };
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
-        return Ok(());
-    };
+    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let progress = match Progress::resume(&mut folder, walk, walking::date()).map_err(Failure::broken)? {
@@ -221,12 +218,10 @@ fn display_without_scene(
 ) -> Result<(), Failure> {
     // The number of ids in a frame is not known, and not checked, before the first culler has come.
     options.link.max_frame = u32::MAX;
-    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
+    let gpu = role_gpu(&config.gpu);
     let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
     let runtime = start.runtime();
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
-        return Ok(());
-    };
+    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let key = SessionKey(start.net.random().map_err(Failure::broken)?);
     let identity = identity(None, key, plan.settings());
     let listening = async || match &config.listen {

@@ -15,6 +15,7 @@ use tokio::{
     signal::unix::{SignalKind, signal},
 };
 use trimaran::{
+    config::{CommonConfig, GpuConfig},
     culling::CullingMethod,
     metrics::{LinkMetrics, Serving},
     walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile, ViewStates},
@@ -23,7 +24,7 @@ use trimaran_actors::{Stop, Stopper, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, LodRule, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
-use trimaran_transport::{Net, TokioNet, ws::WsOptions};
+use trimaran_transport::{Net, Options, TokioNet, ws::WsOptions};
 
 use super::{
     Failure,
@@ -104,6 +105,11 @@ pub(super) fn gpu_options(device: Option<&str>, memory: Option<ByteSize>, timeou
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
     let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
     GpuOptions { device, timeout, memory: memory.map(|size| size.as_u64()), ..GpuOptions::default() }
+}
+
+/// The same for a role of a deployment.
+pub(super) fn role_gpu(gpu: &GpuConfig) -> GpuOptions {
+    gpu_options(gpu.device.as_deref(), gpu.gpu_memory, gpu.device_timeout_s)
 }
 
 impl WalkArgs {
@@ -211,6 +217,11 @@ impl<'r> Start<'r> {
         let deadline = self.net.now().after(self.join_timeout);
         let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
         self.runtime.block_on(self.stop.unless_requested(attempts)).transpose()
+    }
+
+    /// The metrics that a role shows; `None` if it is stopped before.
+    pub(super) fn metrics(&self, common: &CommonConfig, at: &Options) -> Result<Option<Metrics>, Failure> {
+        self.until(async || Metrics::show(common.metrics, &at.ws, self.runtime))
     }
 }
 

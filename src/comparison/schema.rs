@@ -25,7 +25,7 @@ pub struct Comparison {
     pub started: String,
     /// The scene.
     pub scene: SceneInfo,
-    /// What drew, for all roles.
+    /// The device that drew, for all roles.
     pub device: String,
     /// Its driver.
     pub driver: String,
@@ -62,13 +62,13 @@ pub struct Comparison {
 pub struct ComparisonTable {
     /// The bound on the picture's level-of-detail error, pixels.
     pub epsilon_px: f64,
-    /// What is exactly visible, on the frames that were audited.
+    /// The exactly visible set, on the frames that were audited.
     pub exact: Vec<ExactFrame>,
     /// The systems.
     pub systems: Vec<SystemFigures>,
 }
 
-/// What is exactly visible of a frame's LOD cut.
+/// The exactly visible part of a frame's LOD cut.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ExactFrame {
     /// The frame.
@@ -90,7 +90,7 @@ pub struct SystemFigures {
     pub alone: AloneFigures,
     /// The walk as processes of this machine.
     pub measured: MeasuredFigures,
-    /// What it drew, and how wrong.
+    /// The set that it drew, and its error.
     pub drawn: DrawnFigures,
     /// Its frames.
     pub frames: Vec<SystemFrame>,
@@ -172,7 +172,7 @@ pub struct CurvePoint {
     pub system: System,
     /// The bound, pixels.
     pub epsilon_px: f64,
-    /// What it costs.
+    /// Its cost.
     pub cost: FrameCost,
     /// Mean FLIP against full detail, median over the audited frames.
     pub flip_mean: Option<f64>,
@@ -184,7 +184,7 @@ pub struct CurvePoint {
     pub wrong_pixels: u64,
 }
 
-/// What a system's frames cost, its roles one after another; medians over the frames.
+/// The cost of a system's frames, its roles one after another; medians over the frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameCost {
     /// Between two pictures with a machine for each role, mean: the model's, milliseconds.
@@ -214,7 +214,7 @@ pub struct CoherencePoint {
     pub step_m: f64,
     /// And turns so far, median, degrees.
     pub turn_deg: f64,
-    /// What it costs.
+    /// Its cost.
     pub cost: FrameCost,
     /// Nodes drawn over nodes exactly visible, median; known where `exact` walked as well.
     pub nodes_over_exact: Option<f64>,
@@ -289,7 +289,7 @@ impl DrawnFigures {
     }
 }
 
-/// What the paper measured (tables 1 to 3), of a model and its error bound.
+/// The paper's figures (tables 1 to 3) for a model and its error bound.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperModel {
     /// The model.
@@ -304,7 +304,7 @@ pub struct PaperModel {
     pub objects_exact: f64,
 }
 
-/// What the paper measured of a system.
+/// The paper's figures for a system.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperSystem {
     /// Which one.

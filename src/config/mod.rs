@@ -9,6 +9,7 @@ mod options;
 mod relay;
 mod role;
 mod security;
+mod shared;
 
 use bytesize::ByteSize;
 use std::{
@@ -17,7 +18,7 @@ use std::{
 };
 
 use confique::{Config, Layer};
-use serde::{Deserialize, de::DeserializeOwned};
+use serde::{Deserialize, de::Error as _};
 use thiserror::Error;
 use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
@@ -26,6 +27,7 @@ pub use options::{GivenOption, GivenOptionError, OptionKey, options};
 pub use relay::{RelayConfig, RelayPeers, WatcherConfig, WatcherPeers};
 pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, WhileLoading};
 pub use security::{PeerFiles, needs_keys, security};
+pub use shared::{CommonConfig, GpuConfig};
 
 /// Why a configuration could not be used.
 #[derive(Debug, Error)]
@@ -45,7 +47,7 @@ pub enum ConfigError {
     Parse {
         /// The file.
         path: PathBuf,
-        /// What is wrong and where.
+        /// The fault and its place.
         #[source]
         cause: Box<toml::de::Error>,
     },
@@ -84,7 +86,7 @@ pub enum ConfigError {
     Value {
         /// The key.
         key: &'static str,
-        /// What it should be.
+        /// The values that it may have.
         why: &'static str,
     },
     /// An endpoint needs keys, and there are none.
@@ -113,7 +115,7 @@ const fn advice(error: &KeysError) -> &'static str {
     }
 }
 
-/// What a role's configuration has beside its keys.
+/// The rules of a role's configuration beside its keys.
 pub trait RoleConfig: Config {
     /// The paths in a layer: those in a file start at its folder.
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf>;
@@ -147,7 +149,8 @@ pub trait RoleConfig: Config {
     /// A file with every key, its description and its default, each commented out.
     fn template() -> String {
         let own = confique::toml::template::<Self>(confique::toml::FormatOptions::default());
-        own + &OptionKey::template()
+        // Files have no tables for shared keys.
+        own.replace("[gpu]\n", "\n").replace("[common]\n", "\n") + &OptionKey::template()
     }
 }
 
@@ -155,7 +158,7 @@ pub trait RoleConfig: Config {
 fn read<C: RoleConfig>(path: &Path) -> Result<(C::Layer, Table), ConfigError> {
     let text =
         fs::read_to_string(path).map_err(|cause| ConfigError::Read { path: path.to_owned(), cause })?;
-    let (mut layer, links) = split(&text).map_err(|mut cause| {
+    let (mut layer, links) = split::<C>(&text).map_err(|mut cause| {
         cause.set_input(Some(&text));
         ConfigError::Parse { path: path.to_owned(), cause: Box::new(cause) }
     })?;
@@ -167,15 +170,23 @@ fn read<C: RoleConfig>(path: &Path) -> Result<(C::Layer, Table), ConfigError> {
 }
 
 /// A role's own keys, and the tables of links. Both are read with their places in the text, for errors.
-fn split<L: DeserializeOwned>(text: &str) -> Result<(L, Table), toml::de::Error> {
+fn split<C: RoleConfig>(text: &str) -> Result<(C::Layer, Table), toml::de::Error> {
     let all = DeTable::parse(text)?;
     let span = all.span();
     let tables = OptionKey::tables();
     let (links, own): (DeTable<'_>, DeTable<'_>) =
         all.into_inner().into_iter().partition(|(key, _)| tables.iter().any(|table| key.get_ref() == table));
+    let tables = tables.iter().map(String::as_str);
+    let known: Vec<_> = shared::top(&C::META).map(|field| field.name).chain(tables).collect();
+    if let Some(key) = own.keys().find(|key| !known.contains(&&**key.get_ref())) {
+        let line = text.get(..key.span().start).unwrap_or(text).matches('\n').count() + 1;
+        let (key, known) = (key.get_ref(), known.join("`, `"));
+        return Err(toml::de::Error::custom(format!("line {line}: unknown key `{key}`, expected `{known}`")));
+    }
+    let own = shared::nested(own, &C::META);
     let deserializer = |table| toml::Deserializer::from(Spanned::new(span.clone(), table));
     Options::deserialize(deserializer(links.clone()))?;
-    Ok((L::deserialize(deserializer(own))?, Table::deserialize(deserializer(links))?))
+    Ok((C::Layer::deserialize(deserializer(own))?, Table::deserialize(deserializer(links))?))
 }
 
 /// A number of seconds that can be waited.

@@ -1,6 +1,6 @@
 //! The options of links: every key of `trimaran_transport::Options`, by file, environment and flag.
 //!
-//! What a key is called, what it means and what its default is, its field says; here stands none of it.
+//! The field of a key says its name, its meaning and its default; nothing of that is repeated here.
 
 use std::str::FromStr;
 
@@ -18,11 +18,11 @@ use super::ConfigError;
 pub struct OptionKey {
     /// Its tables and its name, as `udp.mode`.
     pub path: String,
-    /// What it means.
+    /// Its meaning.
     pub meaning: String,
     /// All that it may be, where that are a few words.
     pub choices: Vec<String>,
-    /// What it is if nobody gives it, if anything.
+    /// Its value if nobody gives one, if it has any.
     pub default: Option<Json>,
     shape: Shape,
 }
@@ -153,7 +153,7 @@ pub enum GivenOptionError {
     Value {
         /// The key.
         key: String,
-        /// What it should be.
+        /// The values that it may have.
         why: String,
     },
 }

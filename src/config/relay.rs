@@ -1,13 +1,12 @@
 //! The settings of a relay and of a display that watches.
 
-use std::{net::SocketAddr, path::PathBuf};
+use std::path::PathBuf;
 
-use bytesize::ByteSize;
 use confique::Config;
 use serde::Serialize;
 use trimaran_transport::Endpoints;
 
-use super::{ConfigError, RoleConfig, enough_memory, memory, positive, seconds};
+use super::{CommonConfig, ConfigError, GpuConfig, RoleConfig};
 
 /// `trimaran role relay`: passes the frames of one display on to many that watch.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
@@ -20,22 +19,10 @@ pub struct RelayConfig {
     /// come over different transports. At most `limits.peers` of them watch.
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     pub listen: Endpoints,
-    /// How long to wait at the start for what is not there yet, such as the culler, seconds.
-    #[config(
-        env = "TRIMARAN_JOIN_TIMEOUT_S",
-        default = 30.0,
-        validate = seconds,
-        layer_attr(arg(long = "join-timeout", value_name = "S"))
-    )]
-    pub join_timeout_s: f64,
-    /// Show what the links carry on this address: `/metrics` for Prometheus, `/links` as JSON.
-    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<SocketAddr>,
-    /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
-    #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keys: Option<PathBuf>,
+    /// Start, keys and metrics.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub common: CommonConfig,
     /// By what this machine knows the others: their public keys.
     #[config(nested, layer_attr(command(flatten)))]
     pub peers: RelayPeers,
@@ -87,45 +74,14 @@ pub struct WatcherConfig {
     #[config(env = "TRIMARAN_PICTURE", layer_attr(arg(long, value_name = "X.png")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<PathBuf>,
-    /// The Vulkan device, by a part of its name; the best there is if not given.
-    #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub device: Option<String>,
-    /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for
-    /// those that show. Three quarters of what is free if not given.
-    #[config(
-        env = "TRIMARAN_GPU_MEMORY",
-        validate = enough_memory,
-        layer_attr(arg(long = "gpu-memory", value_name = "SIZE", value_parser = memory))
-    )]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gpu_memory: Option<ByteSize>,
-    /// How long the device may make no progress before it counts as hung, seconds. The watcher then ends with
-    /// exit code 1.
-    #[config(
-        env = "TRIMARAN_DEVICE_TIMEOUT_S",
-        default = 30.0,
-        validate(device_timeout_s.is_finite() && *device_timeout_s > 0.0, "give seconds above 0"),
-        layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
-    )]
-    pub device_timeout_s: f64,
-    /// How long to wait at the start for what is not there yet, such as a scene that is being copied,
-    /// seconds.
-    #[config(
-        env = "TRIMARAN_JOIN_TIMEOUT_S",
-        default = 30.0,
-        validate = seconds,
-        layer_attr(arg(long = "join-timeout", value_name = "S"))
-    )]
-    pub join_timeout_s: f64,
-    /// Show what the link carries on this address: `/metrics` for Prometheus, `/links` as JSON.
-    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<SocketAddr>,
-    /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
-    #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keys: Option<PathBuf>,
+    /// The graphics device.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub gpu: GpuConfig,
+    /// Start, keys and metrics.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub common: CommonConfig,
     /// By what this machine knows the relay: its public key.
     #[config(nested, layer_attr(command(flatten)))]
     pub peers: WatcherPeers,
@@ -162,7 +118,7 @@ impl RoleConfig for RelayConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let peers = &mut layer.peers;
         let known = [&mut peers.upstream, &mut peers.displays];
-        layer.keys.iter_mut().chain(known.into_iter().flatten().flatten())
+        layer.common.keys.iter_mut().chain(known.into_iter().flatten().flatten())
     }
 
     fn check(&self) -> Result<(), ConfigError> {
@@ -172,7 +128,7 @@ impl RoleConfig for RelayConfig {
 
 impl RoleConfig for WatcherConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
-        let own = [&mut layer.scene, &mut layer.picture, &mut layer.keys];
+        let own = [&mut layer.scene, &mut layer.picture, &mut layer.common.keys];
         own.into_iter().flatten().chain(layer.peers.relay.iter_mut().flatten())
     }
 

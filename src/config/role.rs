@@ -1,6 +1,6 @@
-//! What each role can be told.
+//! The keys of cullers and displays.
 
-use std::{net::SocketAddr, path::PathBuf};
+use std::path::PathBuf;
 
 use bytesize::ByteSize;
 use clap::ValueEnum;
@@ -10,7 +10,7 @@ use trimaran_actors::{CullerId, Schedule};
 use trimaran_proto::{IdCoding, OcclusionTestKind, Viewport};
 use trimaran_transport::Endpoints;
 
-use super::{ConfigError, RoleConfig, enough_memory, memory, positive, seconds};
+use super::{CommonConfig, ConfigError, GpuConfig, RoleConfig, enough_memory, memory, positive};
 use crate::culling::CullingMethod;
 
 /// `trimaran role culler`: a culler, which serves displays as they come.
@@ -42,19 +42,6 @@ pub struct CullerConfig {
         layer_attr(arg(long, value_name = "METHOD", value_enum))
     )]
     pub culling: CullingMethod,
-    /// The Vulkan device, by a part of its name; the best there is if not given.
-    #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub device: Option<String>,
-    /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for
-    /// those that show. Three quarters of what is free if not given.
-    #[config(
-        env = "TRIMARAN_GPU_MEMORY",
-        validate = enough_memory,
-        layer_attr(arg(long = "gpu-memory", value_name = "SIZE", value_parser = memory))
-    )]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gpu_memory: Option<ByteSize>,
     /// The largest picture that a display may ask for, such as `4096x4096`: its width and its height.
     #[config(
         env = "TRIMARAN_MAX_PICTURE",
@@ -72,33 +59,14 @@ pub struct CullerConfig {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_memory: Option<ByteSize>,
-    /// How long the device may make no progress before it counts as hung, seconds. The culler then ends with
-    /// exit code 1, and displays go on without it.
-    #[config(
-        env = "TRIMARAN_DEVICE_TIMEOUT_S",
-        default = 30.0,
-        validate(device_timeout_s.is_finite() && *device_timeout_s > 0.0, "give seconds above 0"),
-        layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
-    )]
-    pub device_timeout_s: f64,
-    /// How long to wait at the start for what is not there yet, such as a scene that is being copied,
-    /// seconds.
-    #[config(
-        env = "TRIMARAN_JOIN_TIMEOUT_S",
-        default = 30.0,
-        validate = seconds,
-        layer_attr(arg(long = "join-timeout", value_name = "S"))
-    )]
-    pub join_timeout_s: f64,
-    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
-    /// as JSON.
-    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<SocketAddr>,
-    /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
-    #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keys: Option<PathBuf>,
+    /// The graphics device.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub gpu: GpuConfig,
+    /// Start, keys and metrics.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub common: CommonConfig,
     /// By what this machine knows the others: their public keys.
     #[config(nested, layer_attr(command(flatten)))]
     pub peers: CullerPeers,
@@ -152,8 +120,8 @@ pub struct DisplayConfig {
         layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
     )]
     pub empty_display: bool,
-    /// The most memory for what cullers send to a display that began empty, packed. What was not shown for
-    /// the longest time goes first, and is sent again where it is needed.
+    /// The most memory for the geometry that cullers send to a display that began empty, packed. Geometry not
+    /// shown for the longest time goes first, and is sent again where it is needed.
     #[config(
         env = "TRIMARAN_GEOMETRY_CACHE",
         default = "256MiB",
@@ -161,8 +129,8 @@ pub struct DisplayConfig {
         layer_attr(arg(long, value_name = "SIZE", value_parser = memory))
     )]
     pub geometry_cache: ByteSize,
-    /// What a display that began empty shows while some of a frame is still to come: `coarser` drawables in
-    /// its place, or with `wait` nothing. It acts in a live session only: in lockstep the display always
+    /// The picture of a display that began empty while some of a frame is still to come: `coarser` drawables
+    /// in its place, or with `wait` none. It acts in a live session only: in lockstep the display always
     /// waits.
     #[config(
         env = "TRIMARAN_WHILE_LOADING",
@@ -195,55 +163,23 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_RECORD", layer_attr(arg(long, value_name = "X.trace")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record: Option<PathBuf>,
-    /// The Vulkan device, by a part of its name; the best there is if not given.
-    #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub device: Option<String>,
-    /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for
-    /// those that show. Three quarters of what is free if not given.
-    #[config(
-        env = "TRIMARAN_GPU_MEMORY",
-        validate = enough_memory,
-        layer_attr(arg(long = "gpu-memory", value_name = "SIZE", value_parser = memory))
-    )]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gpu_memory: Option<ByteSize>,
-    /// How long the device may make no progress before it counts as hung, seconds. The display then ends
-    /// with exit code 3 and its report.
-    #[config(
-        env = "TRIMARAN_DEVICE_TIMEOUT_S",
-        default = 30.0,
-        validate(device_timeout_s.is_finite() && *device_timeout_s > 0.0, "give seconds above 0"),
-        layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
-    )]
-    pub device_timeout_s: f64,
-    /// How long to wait at the start for the cullers, and for what else is not there yet, seconds. A walk in
-    /// lockstep then begins with those that are there.
-    #[config(
-        env = "TRIMARAN_JOIN_TIMEOUT_S",
-        default = 30.0,
-        validate = seconds,
-        layer_attr(arg(long = "join-timeout", value_name = "S"))
-    )]
-    pub join_timeout_s: f64,
-    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
-    /// as JSON.
-    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metrics: Option<SocketAddr>,
-    /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
-    #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keys: Option<PathBuf>,
+    /// The graphics device.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub gpu: GpuConfig,
+    /// Start, keys and metrics.
+    #[config(nested, layer_attr(command(flatten)))]
+    #[serde(flatten)]
+    pub common: CommonConfig,
     /// By what this machine knows the others: their public keys.
     #[config(nested, layer_attr(command(flatten)))]
     pub peers: DisplayPeers,
-    /// What is walked and how.
+    /// The walk and its settings.
     #[config(nested, layer_attr(command(flatten)))]
     pub session: SessionConfig,
 }
 
-/// What a live display that began empty shows while some of a frame is still to come.
+/// The picture of a live display that began empty while some of a frame is still to come.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum WhileLoading {
@@ -282,7 +218,7 @@ pub struct DisplayPeers {
     pub cullers: Vec<PathBuf>,
 }
 
-/// What is walked and how.
+/// The walk and its settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct SessionConfig {
@@ -331,7 +267,7 @@ pub struct SessionConfig {
         layer_attr(arg(long, value_name = "CODING"))
     )]
     pub coding: String,
-    /// What tests boxes: `query`, `raster` or `hzb`.
+    /// The occlusion test: `query`, `raster` or `hzb`.
     #[config(
         env = "TRIMARAN_SESSION_OCCLUSION_TEST",
         default = "hzb",
@@ -399,7 +335,7 @@ impl RoleConfig for CullerConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let peers = &mut layer.peers;
         let known = [&mut peers.displays, &mut peers.cullers];
-        let own = [&mut layer.scene, &mut layer.keys].into_iter().flatten();
+        let own = [&mut layer.scene, &mut layer.common.keys].into_iter().flatten();
         own.chain(known.into_iter().flatten().flatten())
     }
 
@@ -415,7 +351,8 @@ impl RoleConfig for CullerConfig {
 impl RoleConfig for DisplayConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let session = &mut layer.session;
-        let own = [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.keys, &mut session.state];
+        let own =
+            [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.common.keys, &mut session.state];
         own.into_iter().flatten().chain(layer.peers.cullers.iter_mut().flatten())
     }
 

@@ -1,4 +1,4 @@
-//! Who is let in: the key files that a configuration names.
+//! The peers that are let in: the key files that a configuration names.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use super::ConfigError;
 pub struct PeerFiles<'p> {
     /// The key of the configuration.
     pub name: &'static str,
-    /// What their holders may be; anything if not given.
+    /// The role that their holders may have; any if not given.
     pub role: Option<Role>,
     /// The files.
     pub paths: &'p [PathBuf],
@@ -31,8 +31,8 @@ pub fn needs_keys(options: &Options, endpoint: &Endpoint) -> bool {
     }
 }
 
-/// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each
-/// for its role. None where no endpoint needs any.
+/// The security of the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`,
+/// each for its role. None where no endpoint needs any.
 ///
 /// # Errors
 /// When a file that is needed is not named, or cannot be used.

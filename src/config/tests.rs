@@ -41,7 +41,7 @@ fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
     assert_eq!(config.session, defaults());
     assert_eq!((config.session.width, config.session.occlusion_test.as_str()), (1024, "hzb"));
     assert_eq!(config.scene, Some(dir.path().join("a.scene")));
-    assert_eq!(config.keys, Some(dir.path().join("k/one.key")));
+    assert_eq!(config.common.keys, Some(dir.path().join("k/one.key")));
     assert_eq!(config.out, Path::new("/tmp/x"));
 }
 
@@ -68,14 +68,14 @@ fn a_cullers_configuration_survives_a_round_trip() {
         displays: Some("quic://show:7400".parse().unwrap()),
         cullers: Some("tcp://one:7400".parse().unwrap()),
         culling: CullingMethod::GigaWalk,
-        device: None,
-        gpu_memory: Some(bytesize::ByteSize::mib(64)),
         max_picture: "640x480".to_owned(),
         depth_memory: Some(bytesize::ByteSize::tib(1)),
-        device_timeout_s: 30.0,
-        join_timeout_s: 5.0,
-        metrics: None,
-        keys: Some("/k/two.key".into()),
+        gpu: GpuConfig {
+            device: None,
+            gpu_memory: Some(bytesize::ByteSize::mib(64)),
+            device_timeout_s: 30.0,
+        },
+        common: CommonConfig { join_timeout_s: 5.0, metrics: None, keys: Some("/k/two.key".into()) },
         peers,
     };
     let mut options = Options::default();
@@ -95,10 +95,19 @@ fn a_key_that_nobody_gave_is_named() {
 
 #[test]
 fn a_misspelt_key_is_named_with_its_line() {
-    for (lines, key) in [("[session]\nepsilon = 2\n", "epsilon"), ("[quic]\nwindows = 2\n", "windows")] {
+    for (lines, key) in [
+        ("[session]\nepsilon = 2\n", "epsilon"),
+        ("[quic]\nwindows = 2\n", "windows"),
+        ("keys = 'a'\nmetric = 'h:1'\n", "metric"),
+        ("\n[common]\nmetrics = 'h:1'\n", "common"),
+    ] {
         let message = file::<DisplayConfig>(&format!("{DISPLAY}{lines}")).unwrap_err().to_string();
-        assert!(message.contains(key) && message.contains("line 5"), "{message}");
+        assert!(message.contains(&format!("`{key}`")) && message.contains("line 5"), "{message}");
     }
+    let message = file::<RelayConfig>(&format!("{RELAY}device = 'a'\n")).unwrap_err().to_string();
+    let expected = "line 3: unknown key `device`, expected `upstream`, `listen`, `join_timeout_s`, `metrics`, \
+                    `keys`, `peers`, ";
+    assert!(message.contains(expected) && message.contains("`tcp`"), "{message}");
 }
 
 #[test]
@@ -182,8 +191,8 @@ fn a_display_that_began_empty_is_told_what_to_show_while_it_loads() {
 }
 
 /// Every leaf below `meta`, with its path.
-fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'static str>, LeafKind)>) {
-    for field in meta.fields {
+fn leaves(meta: &Meta, under: &str, found: &mut Vec<(String, Option<&'static str>, LeafKind)>) {
+    for field in shared::top(meta) {
         let path = if under.is_empty() { field.name.to_owned() } else { format!("{under}.{}", field.name) };
         assert!(!field.doc.is_empty(), "{path} is not described");
         match field.kind {

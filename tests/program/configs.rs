@@ -73,7 +73,7 @@ fn the_encrypted_example_joins_machines_that_know_each_other() {
     let cullers = [example::<CullerConfig>("quic/one.toml"), example("quic/two.toml")];
     let name = |path: &PathBuf| path.file_stem().unwrap().to_owned();
     let known: Vec<_> = display.peers.cullers.iter().map(name).collect();
-    assert_eq!(cullers.each_ref().map(|culler| name(culler.keys.as_ref().unwrap())), known[..]);
+    assert_eq!(cullers.each_ref().map(|culler| name(culler.common.keys.as_ref().unwrap())), known[..]);
     assert!(each(&display.cullers).iter().all(|culler| culler.needs_keys()));
     for (culler, other) in cullers.iter().zip(cullers.iter().rev()) {
         assert_eq!(each(&culler.listen)[0].transport(), each(&display.cullers)[0].transport());
@@ -81,7 +81,10 @@ fn the_encrypted_example_joins_machines_that_know_each_other() {
         let own = each(&culler.cullers)[0];
         assert!(each(&display.cullers).contains(&own) && !each(&other.cullers).contains(&own));
         let [displays, others] = [&culler.peers.displays, &culler.peers.cullers].map(|known| &known[..]);
-        assert_eq!(displays.iter().map(name).collect::<Vec<_>>(), [name(display.keys.as_ref().unwrap())]);
-        assert_eq!(others.iter().map(name).collect::<Vec<_>>(), [name(other.keys.as_ref().unwrap())]);
+        assert_eq!(
+            displays.iter().map(name).collect::<Vec<_>>(),
+            [name(display.common.keys.as_ref().unwrap())]
+        );
+        assert_eq!(others.iter().map(name).collect::<Vec<_>>(), [name(other.common.keys.as_ref().unwrap())]);
     }
 }

@@ -3,7 +3,7 @@
 
 enable primitive_index;
 
-// What one draw of a batch needs, as attributes that advance by instance: each draw is one instance, and its
+// The data of one draw of a batch, as attributes that advance by instance: each draw is one instance, and its
 // first instance is its place in the batch. No descriptor sets, and no limit on the number of draws from the
 // size of a storage buffer.
 struct Draw {
@@ -38,7 +38,7 @@ fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
     return vec4<f32>(view.xy * camera.scale, camera.near, -view.z);
 }
 
-// What bounds the part of the scene that sections leave.
+// The bounds of the part of the scene that sections leave.
 struct Sections {
     count: u32,
     // In view space, the normals times the near distance: what lies along the ray (x, y, -1) at a depth is
@@ -93,7 +93,7 @@ fn fs_depth_cut(@builtin(position) at: vec4<f32>) {
 struct PictureVertex {
     @invariant @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) colour: vec4<f32>,
-    // What the light at the eye gives is linear in the pixel: weights of x, y and 1.
+    // The part of the light at the eye is linear in the pixel: weights of x, y and 1.
     @location(1) @interpolate(flat) eye_light: vec3<f32>,
     @location(2) @interpolate(flat) other_light: f32,
 }
@@ -161,7 +161,7 @@ fn fs_picture_cut(in: PictureVertex) -> @location(0) vec4<f32> {
     return shade(in);
 }
 
-// What is see-through: its alpha is its share in what shows, and is not written.
+// See-through surfaces: alpha is a surface's share in the picture, and is not written.
 @fragment
 fn fs_see_through(in: PictureVertex) -> @location(0) vec4<f32> {
     return vec4<f32>(shade(in).rgb, min(in.colour.a, SEE_THROUGH_ALPHA));

@@ -47,7 +47,7 @@ window.walk = async (side) => {
     camera.lookAt(...eye.map((at, axis) => at + forward[axis]));
     renderer.render(scene, camera);
   };
-  // What is loaded on the way to the first picture is not part of the walk.
+  // Loading on the way to the first picture is not part of the walk.
   draw(0);
   renderer.getContext().readPixels(0, 0, 1, 1, 6408, 5121, new Uint8Array(4));
   const begun = performance.now();

@@ -22,7 +22,7 @@ impl From<ScheduleArg> for Schedule {
     }
 }
 
-/// Who culls.
+/// The cullers.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct CullerArgs {
     /// How many cullers there are. Without any the display culls for itself, as on a machine with one GPU.

@@ -25,7 +25,7 @@ impl From<Coding> for IdCoding {
     }
 }
 
-/// What is told of links.
+/// The options of links.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct LinkFlags {
     /// Set an option of links, such as `udp.mode=deadline` or `link.idle_timeout_s=5`; may be repeated.

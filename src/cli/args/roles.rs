@@ -21,8 +21,8 @@ pub(crate) enum RoleCommand {
     Watcher(Box<RoleArgs<<WatcherConfig as Config>::Layer>>),
 }
 
-/// What a role is told: a flag overrides its environment variable, that overrides the file, and that the
-/// default.
+/// The arguments of a role. A flag overrides its environment variable, the variable overrides the file, and
+/// the file the default.
 #[derive(Debug, Args)]
 pub(crate) struct RoleArgs<L: Args> {
     /// The role's configuration (TOML); `trimaran config` prints one with every key.
@@ -53,7 +53,7 @@ pub(crate) enum RoleName {
 pub(crate) enum KeysCommand {
     /// Make the keys of a machine: NAME.key, which is private and stays there, and NAME.pub for its peers.
     New {
-        /// What to call the machine: up to 64 letters, digits, dots, hyphens and underscores.
+        /// The machine's name: up to 64 letters, digits, dots, hyphens and underscores.
         name: Name,
         /// The folder to write both files into.
         #[arg(long, value_name = "DIR", default_value = ".")]

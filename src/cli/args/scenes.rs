@@ -89,7 +89,7 @@ pub(crate) enum Kind {
 
 #[derive(Debug, Args)]
 pub(crate) struct GenerateArgs {
-    /// What to generate.
+    /// The kind of scene to generate.
     #[arg(value_enum)]
     pub(crate) kind: Kind,
     /// Where to write the scene.

@@ -37,7 +37,7 @@ pub(crate) struct ServeArgs {
     pub(crate) links: LinkFlags,
 }
 
-/// What those who come may cost.
+/// The limits for displays that come.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct GuestArgs {
     /// How many people may be there at once; more are told that it is full. A page with several cullers takes

@@ -29,7 +29,7 @@ pub(crate) struct SimArgs {
     /// in .toml.
     #[arg(long, value_name = "PROFILE,..", value_delimiter = ',', default_value = "fast-ethernet")]
     pub(crate) network: Vec<String>,
-    /// What joins the roles.
+    /// The links between the roles.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "tcp,quic,udp")]
     pub(crate) link: Vec<SimLink>,
     #[command(flatten)]

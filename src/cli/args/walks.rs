@@ -74,7 +74,7 @@ pub(crate) struct WalkArgs {
     /// How ids travel between processes.
     #[arg(long, value_enum, default_value = "changes")]
     pub(crate) coding: Coding,
-    /// What tests boxes against the occluders.
+    /// The test of boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
     pub(crate) occlusion_test: OcclusionTestArg,
     /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says
@@ -149,8 +149,8 @@ pub(crate) struct RunArgs {
     /// time goes first, and is sent again where it is needed.
     #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = memory)]
     pub(crate) geometry_cache: ByteSize,
-    /// What such a display shows while some of a frame is still to come [default: coarser]. With --live only:
-    /// in lockstep it always waits.
+    /// The picture of such a display while some of a frame is still to come [default: coarser]. With --live
+    /// only: in lockstep it always waits.
     #[arg(long, value_name = "WHAT", value_enum)]
     pub(crate) while_loading: Option<WhileLoading>,
     /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for
@@ -171,7 +171,7 @@ impl WalkArgs {
 }
 
 impl RunArgs {
-    /// What a walk within this process takes unless flags say otherwise.
+    /// The defaults of a walk within this process.
     pub(crate) fn of(scene: PathBuf, walk: WalkArgs, out: PathBuf) -> Self {
         Self {
             scene,

@@ -24,7 +24,7 @@ pub enum HowEnded {
     Interrupted,
     /// A device failed.
     DeviceFailed,
-    /// What was shown could not be recorded any more, as on a full disk.
+    /// The shown frames could not be recorded any more, as on a full disk.
     NotRecorded,
     /// Anything else, such as a peer that broke the protocol.
     Failed,

@@ -46,7 +46,7 @@ pub struct Frame {
     /// Whether it is the frame before, shown again as more of it has come.
     #[serde(default)]
     pub again: bool,
-    /// Who did OR and HC of this frame: a culler, or the display itself.
+    /// The machine that did OR and HC of this frame: a culler, or the display itself.
     #[serde(default)]
     pub culled_by: Option<super::Machine>,
     /// When each role was busy with this frame.
@@ -75,9 +75,9 @@ pub struct Frame {
     pub occluders_drawn: Option<u64>,
     /// Triangles drawn as occluders, in all rounds.
     pub occluder_triangles: Option<u64>,
-    /// What HC's traversal did.
+    /// The work of HC's traversal.
     pub culling: Option<CullingCounts>,
-    /// What further rounds did.
+    /// The work of further rounds.
     #[serde(default)]
     pub rounds: Option<RoundCounts>,
     /// Nodes drawn because the test could not be decided, by reason.
@@ -113,7 +113,7 @@ pub struct Frame {
     pub pictures: FramePictures,
 }
 
-/// What a machine does at a moment.
+/// The work of a machine at a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -138,7 +138,7 @@ pub struct Span {
     pub end_ms: f64,
 }
 
-/// What HC's traversal of the tree did.
+/// The work of HC's traversal of the tree.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CullingCounts {
     /// Nodes looked at.
@@ -156,7 +156,7 @@ pub struct CullingCounts {
     pub stopped_at_few_pixels: u64,
 }
 
-/// What HC did in further rounds: it drew some of what it had found as occluders, and tested again.
+/// HC's work in further rounds: it drew some of what it had found as occluders, and tested again.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundCounts {
     /// Further rounds after the first one.
@@ -196,7 +196,7 @@ pub struct VisibleObject {
 /// The PNG files of a frame, relative to `report.json`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FramePictures {
-    /// What RVG showed.
+    /// The picture that RVG showed.
     pub shown: Option<String>,
     /// The same LOD cut without culling.
     pub unculled: Option<String>,

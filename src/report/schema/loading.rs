@@ -1,4 +1,4 @@
-//! What was shown before all of it had come.
+//! Frames that were shown before all of their geometry had come.
 
 use serde::{Deserialize, Serialize};
 

@@ -9,7 +9,7 @@ pub struct Metric {
     pub key: &'static str,
     /// Its unit; empty for counts and ratios.
     pub unit: &'static str,
-    /// What it is, for tables.
+    /// Its name, for tables.
     pub title: &'static str,
     /// Its value on a frame; `None` if it was not measured there.
     pub of: fn(&Frame) -> Option<f64>,
@@ -88,7 +88,7 @@ fn ratio(drawn: Option<u64>, exact: Option<u64>) -> Option<f64> {
 }
 
 impl Frame {
-    /// What the cullers work for the frame, milliseconds: OR and then HC. `None` unless both were measured.
+    /// The cullers' work for the frame, milliseconds: OR and then HC. `None` unless both were measured.
     #[must_use]
     pub fn pair_ms(&self) -> Option<f64> {
         Some(self.or_ms? + self.hc_ms?)

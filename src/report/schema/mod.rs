@@ -41,7 +41,7 @@ pub const SCHEMA_VERSION: u32 = 6;
 pub struct Report {
     /// [`SCHEMA_VERSION`] of the program that wrote it.
     pub schema_version: u32,
-    /// What was run, where, and with which settings.
+    /// The run: its scene, machines and settings.
     pub run: Run,
     /// Width of every picture, pixels.
     pub width: u32,

@@ -1,5 +1,5 @@
-//! What a machine for each role would show: a model, made of the times that roles took while no other role
-//! computed.
+//! The figures that a machine for each role would show: a model, made of the times that roles took while no
+//! other role computed.
 
 use serde::{Deserialize, Serialize};
 use trimaran_actors::Schedule;
@@ -21,7 +21,7 @@ pub struct Model {
     pub unaccounted_ms: f64,
 }
 
-/// What each role takes for a frame, milliseconds.
+/// The time of each role for a frame, milliseconds.
 #[derive(Debug, Clone, Copy)]
 struct Times {
     or: f64,
@@ -86,7 +86,7 @@ fn fps(frames: &[Modelled]) -> Option<f64> {
     (last.shown > first.shown).then(|| 1000.0 * (frames.len() - 1) as f64 / (last.shown - first.shown))
 }
 
-/// What happens to each frame in lockstep.
+/// The times of each frame in lockstep.
 ///
 /// A culler has the camera of its next frame while it culls one, but none is as much as twice the number of
 /// cullers ahead of the last picture. The display deals between two pictures, and not while it draws one. In

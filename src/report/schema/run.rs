@@ -1,4 +1,4 @@
-//! What was run, where, and with which settings.
+//! A run: its scene, machines and settings.
 
 use std::{fmt, time::SystemTime};
 
@@ -50,7 +50,7 @@ impl TryFrom<String> for Machine {
     }
 }
 
-/// What was run, where, and with which settings.
+/// A run: its scene, machines and settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// The program's version.
@@ -99,7 +99,7 @@ pub struct Run {
     /// The view states that followed the one that the walk began in.
     #[serde(default)]
     pub view_states: Vec<ViewStateInfo>,
-    /// What the display's process held of the scene when the walk ended.
+    /// The parts of the scene that the display's process held when the walk ended.
     #[serde(default)]
     pub memory: Option<MemoryUse>,
     /// Where the display began without the scene: geometry that came before a frame needed it.
@@ -110,7 +110,7 @@ pub struct Run {
     pub notes: Vec<String>,
 }
 
-/// What a process held of the scene, in its memory and on its device.
+/// The parts of the scene that a process held, in its memory and on its device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MemoryUse {
     /// Bytes of the scene's records in memory: what of its tree was asked for.
@@ -158,7 +158,7 @@ impl Run {
     }
 }
 
-/// What of the scene is seen, from a place of the path on.
+/// The parts of the scene that are seen, from a place of the path on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewStateInfo {
     /// By which frames name it, from 1.
@@ -194,7 +194,7 @@ pub enum Mode {
     Live,
 }
 
-/// What one of the machines is.
+/// One of the machines.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RoleInfo {
     /// Which.

@@ -29,8 +29,8 @@ pub struct Summary {
     pub wall_ms: Option<f64>,
     /// Frames a second as measured on this machine, over `wall_ms`.
     pub measured_fps: Option<f64>,
-    /// What a machine for each culler and one for the display would show: a model, not a measurement. None
-    /// unless the roles computed one after another.
+    /// The figures that a machine for each culler and one for the display would show: a model, not a
+    /// measurement. None unless the roles computed one after another.
     pub model: Option<Model>,
     /// How much more than the exactly visible was drawn.
     pub tightness: Tightness,
@@ -91,7 +91,7 @@ pub struct Bandwidth {
     pub measured_bytes: f64,
     /// The paper's formula, bytes a frame: 8nh/b + 3(72 + h). It multiplies id bytes by header bytes.
     pub paper_formula_bytes: f64,
-    /// What is really sent, bytes a frame: r(4n + hn/b) + (r + 1)(72 + h).
+    /// The bytes really sent, per frame: r(4n + hn/b) + (r + 1)(72 + h).
     pub corrected_formula_bytes: f64,
 }
 

@@ -64,7 +64,7 @@ impl SweepPoint {
         self.modelled_fps.or(self.measured_fps)
     }
 
-    /// What `report`'s run adds to a sweep.
+    /// The row of a sweep for `report`'s run.
     #[must_use]
     pub fn of(report: &Report) -> Self {
         let summary = &report.summary;

@@ -276,7 +276,7 @@ impl fmt::Debug for Initial {
     }
 }
 
-/// What to do with a datagram for no connection.
+/// The reaction to a datagram for no connection.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Handled {

@@ -126,7 +126,7 @@ export class Holdings {
     return { shown: [...shown, ...standIns], isWhole };
   }
 
-  /** What stands in for a drawable, if all of it is here. */
+  /** The stand-ins for a drawable, if all of them are here. */
   #standsIn(id: number): readonly number[] {
     const [first, count] = this.#standIns.get(id) ?? [0, 0];
     const pieces: number[] = [];

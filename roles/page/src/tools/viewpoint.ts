@@ -37,7 +37,7 @@ export interface Viewpoint {
 
 const END = record({ point: POINT, error: option(f64) });
 
-/** What the text form stands for. */
+/** The value behind the text form. */
 const { encode, decode } = whole(
   checked(
     record({
