@@ -17,7 +17,7 @@ use trimaran::{
     walkthrough::SceneFile,
 };
 use trimaran_actors::{CullerService, NewSession, RoleError, SessionLimits, Stop, Stopper, Turns, max_frame};
-use trimaran_gpu::GpuScene;
+use trimaran_gpu::{DeviceKind, GpuScene};
 use trimaran_proto::{SessionKey, Settings, Viewport};
 use trimaran_transport::causes;
 
@@ -51,12 +51,18 @@ impl Running<'_> {
     }
 }
 
+/// How many sessions have the device at a time. A device of its own works for one while others compute on the
+/// host. A driver on the CPU needs all of it for one.
+fn at_once(kind: DeviceKind) -> usize {
+    if kind == DeviceKind::Discrete { 3 } else { 1 }
+}
+
 impl Host<'_> {
     /// Serves the displays that come until `stop` asks, or the device is lost. They share its time.
     ///
     /// Any other error in a session ends that session: its display is told, and the others go on.
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
-        let turns = Turns::fair();
+        let turns = Turns::fair(at_once(self.drawn.gpu().info().kind));
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
         thread::scope(|scope| {
             let mut sessions: Vec<Running<'_>> = Vec::new();

@@ -4,7 +4,9 @@
 //! running piece when it is requested, or at the end of the role's previous work, whichever is later. The
 //! next piece is the one with the earliest expected end, if it takes as long as the last of its role. So a
 //! role that uses less than its share waits for one piece of another. Of two busy roles neither gets ahead by
-//! more than a piece of each. A new role begins behind all present ones: otherwise displays that come and go
+//! more than a piece of each. If several may have the device at once, so that one computes on the host while
+//! the device works for another one, each free turn goes to the next one by the same rule (SFQ(D); Jin, Chase
+//! and Kaur, 2004). A new role begins behind all present ones: otherwise displays that come and go
 //! would always be first.
 
 use std::{collections::BTreeMap, time::Duration};
@@ -21,7 +23,9 @@ pub(crate) struct Shares {
     joined: Number,
     /// Virtual time: the start of the running piece, or of the last one.
     now: Duration,
-    holder: Option<Number>,
+    /// How many may have the device at once, and how many have it.
+    most: usize,
+    holders: usize,
     /// In the order of their requests.
     waiting: Vec<Number>,
 }
@@ -37,9 +41,9 @@ struct Account {
 }
 
 impl Shares {
-    pub(crate) fn new(by_time: bool) -> Self {
+    pub(crate) fn new(by_time: bool, most: usize) -> Self {
         let (accounts, waiting) = (BTreeMap::new(), Vec::new());
-        Self { by_time, accounts, joined: 0, now: Duration::ZERO, holder: None, waiting }
+        Self { by_time, accounts, joined: 0, now: Duration::ZERO, most, holders: 0, waiting }
     }
 
     /// One more role.
@@ -82,9 +86,9 @@ impl Shares {
         self.by_time && !self.waiting.is_empty()
     }
 
-    /// Gives the free turn to the next role.
+    /// Gives a free turn to the next role.
     pub(crate) fn next(&mut self) -> Option<Number> {
-        if self.holder.is_some() {
+        if self.holders >= self.most {
             return None;
         }
         let account = |role: &Number| self.accounts.get(role).copied().unwrap_or_default();
@@ -97,13 +101,13 @@ impl Shares {
         };
         let role = self.waiting.remove(place);
         self.now = self.now.max(self.accounts.get(&role).map_or(self.now, |account| account.start));
-        self.holder = Some(role);
-        self.holder
+        self.holders += 1;
+        Some(role)
     }
 
     /// The role gives its turn back after this time.
     pub(crate) fn give_back(&mut self, role: Number, took: Duration) {
-        self.holder = None;
+        self.holders = self.holders.saturating_sub(1);
         if let Some(account) = self.accounts.get_mut(&role) {
             (account.end, account.took) = (account.start + took, took);
         }
@@ -128,7 +132,7 @@ mod tests {
     /// Lets displays share a device for this long. Returns the frames, the time and the longest wait of each.
     /// The last frames end at most one frame of each after that.
     fn share(by_time: bool, displays: &[Display], long: Duration) -> Vec<(u32, Duration, Duration)> {
-        let mut shares = Shares::new(by_time);
+        let mut shares = Shares::new(by_time, 1);
         let roles: Vec<_> = displays.iter().map(|_| shares.join()).collect();
         let mut had = vec![(0, Duration::ZERO, Duration::ZERO); displays.len()];
         // When each requests next; none while it waits.
@@ -185,7 +189,7 @@ mod tests {
     #[test]
     fn roles_that_always_come_anew_have_no_more_than_those_that_stay() {
         for (rivals, piece) in [(1, 1), (1, 30), (8, 3), (8, 30)] {
-            let mut shares = Shares::new(true);
+            let mut shares = Shares::new(true, 1);
             let honest = shares.join();
             let mut had = Duration::ZERO;
             let mut total = Duration::ZERO;
@@ -213,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_role_that_leaves_while_it_waits_is_not_given_the_turn() {
-        let mut shares = Shares::new(true);
+        let mut shares = Shares::new(true, 1);
         let [first, second, third] = [(); 3].map(|()| shares.join());
         for role in [first, second, third] {
             shares.ask(role);
@@ -226,6 +230,23 @@ mod tests {
         shares.give_back(third, MS);
         shares.ask(second);
         assert_eq!(shares.next(), None);
+    }
+
+    #[test]
+    fn as_many_as_may_have_the_device_at_once_and_no_more() {
+        let mut shares = Shares::new(true, 2);
+        let [first, second, third] = [(); 3].map(|()| shares.join());
+        for role in [first, second, third] {
+            shares.ask(role);
+        }
+        assert_eq!([(); 3].map(|()| shares.next()), [Some(first), Some(second), None]);
+        shares.give_back(second, MS);
+        assert_eq!([(); 2].map(|()| shares.next()), [Some(third), None]);
+        // Those that have it may leave.
+        shares.leave(first);
+        shares.give_back(first, MS);
+        shares.ask(second);
+        assert_eq!([(); 2].map(|()| shares.next()), [Some(second), None]);
     }
 
     proptest! {

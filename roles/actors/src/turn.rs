@@ -43,19 +43,20 @@ impl Turns {
     /// Roles that compute one after another, as far as all of them hold a clone of this.
     #[must_use]
     pub fn alone() -> Self {
-        Self { idle_devices: true, ..Self::one_at_a_time(false) }
+        Self { idle_devices: true, ..Self::some_at_a_time(false, 1) }
     }
 
-    /// Roles that share a device fairly, as far as all of them hold a clone of this: one has it at a time,
-    /// and each gets the same time of it, however long its frames take.
+    /// Roles that share a device fairly, as far as all of them hold a clone of this: `most` have it at a time,
+    /// at least one, and each gets the same time of it, however long its frames take. With more than one, some
+    /// compute on the host while the device works for others.
     #[must_use]
-    pub fn fair() -> Self {
-        Self::one_at_a_time(true)
+    pub fn fair(most: usize) -> Self {
+        Self::some_at_a_time(true, most.max(1))
     }
 
-    fn one_at_a_time(by_time: bool) -> Self {
+    fn some_at_a_time(by_time: bool, most: usize) -> Self {
         let turns = Self::at_once();
-        let waiting = Mutex::new(Waiting { shares: Shares::new(by_time), told: HashMap::new() });
+        let waiting = Mutex::new(Waiting { shares: Shares::new(by_time, most), told: HashMap::new() });
         Self { lock: Some(Arc::new(Lock { clock: turns.clock, waiting })), ..turns }
     }
 
@@ -82,7 +83,7 @@ impl Turns {
 /// A role that shares a device by time lets others have it after this long.
 const SLICE: Duration = Duration::from_millis(20);
 
-/// State of a lock that one role holds at a time.
+/// State of a lock that some roles hold at a time.
 #[derive(Debug)]
 struct Lock {
     clock: Stopwatch,
@@ -309,7 +310,7 @@ mod tests {
     /// Within a runtime, like a session's thread.
     #[test]
     fn a_role_that_has_had_the_device_for_long_rests_while_another_one_waits() {
-        let turns = Turns::fair();
+        let turns = Turns::fair(1);
         let turn = turns.of_a_role();
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         runtime.block_on(async {
@@ -393,7 +394,7 @@ mod tests {
     /// Between the two another role has the turn all the time.
     #[test]
     fn a_request_that_is_given_up_is_withdrawn() {
-        let turns = Turns::fair();
+        let turns = Turns::fair(1);
         let [holds, waits] = [(), ()].map(|()| turns.of_a_role());
         let lock = turns.lock.as_ref().unwrap();
         block_on(async {

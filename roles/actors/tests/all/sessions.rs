@@ -56,7 +56,7 @@ impl Service {
         EYE.get_or_init(|| [middle.x, middle.y, max.z + (max - min).max_element() / 4.0]);
         let most = Viewport::new(SIDE, SIDE).unwrap();
         let limits = SessionLimits::new(most, sessions * DEPTH);
-        Self { runtime, net, scene, turns: Turns::fair(), limits }
+        Self { runtime, net, scene, turns: Turns::fair(1), limits }
     }
 
     pub(crate) fn session(&self, side: u32) -> (NewSession, Link) {
