@@ -37,6 +37,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         device: None,
         gpu_memory: None,
         device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
+        check_device: false,
         alone: false,
         audit_every: WalkArgs::AUDIT_EVERY,
     };

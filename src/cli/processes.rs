@@ -138,6 +138,7 @@ impl CullerProcesses {
                     device: args.walk.device.clone(),
                     gpu_memory: args.walk.gpu_memory,
                     device_timeout_s: args.walk.device_timeout,
+                    check_device: args.walk.check_device,
                 },
                 common: CommonConfig { join_timeout_s: 120.0, metrics: None, keys },
                 peers,

@@ -10,10 +10,10 @@ use trimaran_transport::causes;
 
 use super::{
     Failure,
-    args::{DeviceArgs, ReportArgs},
+    args::ReportArgs,
     print_json, progress,
     recording::{self, Grace, open_folder},
-    walking::{self, gpu_options, open, upload},
+    walking::{self, open, upload},
 };
 
 pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
@@ -24,8 +24,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     recording::check(&plan, None)?;
     let path = unchecked.path(&file.scene, &scene).map_err(Failure::bad_input)?;
     let records = unchecked.records(&file.scene, &path).map_err(Failure::bad_input)?;
-    let DeviceArgs { device, gpu_memory, device_timeout } = &args.device;
-    let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
+    let drawn = upload(&file, &args.device.gpu_options())?;
     let folder = open_folder(Writer::open, &args.folder)?;
     let runtime = walking::runtime()?;
     let grace = Grace::of(&walking::stop_on_signal(&runtime));

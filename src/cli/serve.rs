@@ -19,7 +19,7 @@ use super::{
     printed,
     stopping::stoppable_service,
     terminal::stdout,
-    walking::{Metrics, gpu_options, open, runtime, upload},
+    walking::{Metrics, open, runtime, upload},
 };
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
@@ -74,8 +74,7 @@ impl Service<'_> {
         let (reports, mut reported) = mpsc::channel(1);
         let drive = self.drive.map(|path| Drive::new(path, reports));
         let file = open(self.scene)?;
-        let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
-        let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
+        let drawn = upload(&file, &self.device.gpu_options())?;
         let GuestArgs { people, max_picture, depth_memory } = self.guests;
         let max_picture = largest(&drawn, max_picture);
         let described = SceneDescription::new(self.name, &file.scene).map_err(Failure::broken)?;

@@ -226,8 +226,8 @@ fn draw_gaps(
     let Some(trace) = scenarios.first().and_then(|scenario| scenario.workload.trace()) else {
         return Err(no_ids());
     };
-    let gpu =
-        Gpu::open(&gpu_options(device, None, GpuOptions::TIMEOUT.as_secs_f64())).map_err(Failure::broken)?;
+    let gpu = Gpu::open(&gpu_options(device, None, GpuOptions::TIMEOUT.as_secs_f64(), false))
+        .map_err(Failure::broken)?;
     let drawn = GpuScene::new(&gpu, scene).map_err(Failure::broken)?;
     let mut painter = Painter::new(scene, &drawn, trace).map_err(Failure::bad_input)?;
     let bar = progress::bar("drawing", runs.len() as u64);

@@ -28,7 +28,7 @@ use trimaran_transport::{Net, Options, TokioNet, ws::WsOptions};
 
 use super::{
     Failure,
-    args::{CullerArgs, OcclusionTestArg, WalkArgs},
+    args::{CullerArgs, DeviceArgs, OcclusionTestArg, WalkArgs},
     stopping::stoppable_service,
 };
 
@@ -101,21 +101,34 @@ pub(super) fn open(path: &Path) -> Result<SceneFile, Failure> {
 }
 
 /// How to open the device that the flags ask for, which may make no progress for `timeout_s` seconds.
-pub(super) fn gpu_options(device: Option<&str>, memory: Option<ByteSize>, timeout_s: f64) -> GpuOptions {
+pub(super) fn gpu_options(
+    device: Option<&str>,
+    memory: Option<ByteSize>,
+    timeout_s: f64,
+    check_traversals: bool,
+) -> GpuOptions {
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
     let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
-    GpuOptions { device, timeout, memory: memory.map(|size| size.as_u64()), ..GpuOptions::default() }
+    let memory = memory.map(|size| size.as_u64());
+    GpuOptions { device, timeout, memory, check_traversals, ..GpuOptions::default() }
 }
 
 /// The same for a role of a deployment.
 pub(super) fn role_gpu(gpu: &GpuConfig) -> GpuOptions {
-    gpu_options(gpu.device.as_deref(), gpu.gpu_memory, gpu.device_timeout_s)
+    gpu_options(gpu.device.as_deref(), gpu.gpu_memory, gpu.device_timeout_s, gpu.check_device)
+}
+
+impl DeviceArgs {
+    /// How to open the device that the flags ask for.
+    pub(super) fn gpu_options(&self) -> GpuOptions {
+        gpu_options(self.device.as_deref(), self.gpu_memory, self.device_timeout, self.check_device)
+    }
 }
 
 impl WalkArgs {
     /// How to open the devices that the flags ask for.
     pub(super) fn gpu_options(&self) -> GpuOptions {
-        gpu_options(self.device.as_deref(), self.gpu_memory, self.device_timeout)
+        gpu_options(self.device.as_deref(), self.gpu_memory, self.device_timeout, self.check_device)
     }
 }
 

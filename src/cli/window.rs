@@ -17,10 +17,10 @@ use trimaran_scene::path::PosePath;
 
 use super::{
     Failure,
-    args::{DeviceArgs, ViewArgs},
+    args::ViewArgs,
     print_json, printed,
     view::{lasting, right},
-    walking::{self, gpu_options, runtime, stop_on_signal},
+    walking::{self, runtime, stop_on_signal},
 };
 
 /// The largest silhouette error, pixels: as in the page.
@@ -57,13 +57,12 @@ fn show(
     drive: Option<PosePath>,
     open: impl FnOnce(&WindowOptions, &Handle, &Stop) -> Result<Option<WindowReport>, WindowError>,
 ) -> Result<(), Failure> {
-    let DeviceArgs { device, gpu_memory, device_timeout } = &args.device;
     let options = WindowOptions {
         lod: LodRule::new(EPSILON).map_err(Failure::broken)?,
         size: [args.size.width, args.size.height],
         drive,
         present_mode: args.present_mode.into(),
-        gpu: gpu_options(device.as_deref(), *gpu_memory, *device_timeout),
+        gpu: args.device.gpu_options(),
     };
     let runtime = runtime()?;
     let stop = stop_on_signal(&runtime);

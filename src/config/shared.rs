@@ -41,6 +41,14 @@ pub struct GpuConfig {
         layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
     )]
     pub device_timeout_s: f64,
+    /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; the
+    /// session ends with an error at the first difference.
+    #[config(
+        env = "TRIMARAN_CHECK_DEVICE",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
+    pub check_device: bool,
 }
 
 /// The keys of every role.

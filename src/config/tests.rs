@@ -74,6 +74,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
             device: None,
             gpu_memory: Some(bytesize::ByteSize::mib(64)),
             device_timeout_s: 30.0,
+            check_device: false,
         },
         common: CommonConfig { join_timeout_s: 5.0, metrics: None, keys: Some("/k/two.key".into()) },
         peers,

@@ -22,9 +22,7 @@ use trimaran_cull::{
     Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, OcclusionTest, Outline, TestBox,
     TriangleBudget, View, Viewport, lod_cut, select_occluders,
 };
-use trimaran_gpu::{
-    Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, Optional, PicturePass,
-};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, Optional, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
 use trimaran_scene::{
     Scene,

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest, Outline,
-    TestBox, View, Viewport, WholeTraversal,
+    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
+    Outline, TestBox, View, Viewport, WholeTraversal,
 };
 use trimaran_proto::{DrawableId, OcclusionTestKind};
 
@@ -128,11 +128,7 @@ impl OcclusionTest for VulkanCuller {
         Ok(())
     }
 
-    fn traverse(
-        &mut self,
-        view: &View,
-        rule: &CutRule,
-    ) -> Result<Option<WholeTraversal>, VulkanCullerError> {
+    fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, VulkanCullerError> {
         match (self.occlusion_test, self.hzb_place) {
             (OcclusionTestKind::Hzb, HzbPlace::Device) => Ok(self.pass.hzb_test()?.traverse(view, rule)?),
             _ => Ok(None),

@@ -89,7 +89,8 @@ impl Draws {
         places: &[Option<Place>],
     ) -> Result<(), GpuError> {
         let solids = opaque.then(|| Solids::new(view));
-        let placed: Vec<_> = ids.iter().zip(places).filter_map(|(id, place)| Some((*id, (*place)?))).collect();
+        let placed: Vec<_> =
+            ids.iter().zip(places).filter_map(|(id, place)| Some((*id, (*place)?))).collect();
         let mut rest = placed.as_slice();
         while !rest.is_empty() {
             let (fetch, added, slot) = (self.fetch, self.added, self.added % CHUNK);

@@ -2,8 +2,8 @@
 
 use parking_lot::{Mutex, MutexGuard};
 use std::mem::ManuallyDrop;
-use std::sync::{Arc, OnceLock};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use ash::vk;
@@ -43,7 +43,13 @@ impl GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { validation: false, check_traversals: false, device: DeviceChoice::Best, memory: None, timeout: Self::TIMEOUT }
+        Self {
+            validation: false,
+            check_traversals: false,
+            device: DeviceChoice::Best,
+            memory: None,
+            timeout: Self::TIMEOUT,
+        }
     }
 }
 

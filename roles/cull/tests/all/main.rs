@@ -11,3 +11,4 @@ mod pieces;
 mod properties;
 mod rounds;
 mod view_state;
+mod whole_traversal;

@@ -106,8 +106,7 @@ struct Dispatches {
 }
 
 impl Dispatches {
-    const NONE: Self =
-        Self { prepare: Groups([0, 1, 1]), test: Groups([0, 1, 1]), entries: 0, boxes: 0 };
+    const NONE: Self = Self { prepare: Groups([0, 1, 1]), test: Groups([0, 1, 1]), entries: 0, boxes: 0 };
 }
 
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -190,7 +189,8 @@ impl DeviceTraversal {
                 (left, counters) = (vec![Entry::ROOT], Counters::zeroed());
             } else if counters.missing == 0 {
                 let visible = room.visible.elements().get(..counters.visible as usize).unwrap_or_default();
-                let used = counters.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
+                let used =
+                    counters.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
                 self.steps = used as u32;
                 let steps = counters.steps.iter().take(used).copied().collect();
                 let visible = visible.iter().map(|id| DrawableId(*id)).collect();
@@ -214,7 +214,8 @@ impl DeviceTraversal {
         let mut tree = scene.tree()?;
         upload.bring(&mut tree, scene.scene(), left, rule)?;
         cut.drawable_pages = tree.drawable_pages();
-        let bound = [depth.pyramid.texels(), tree.pages(), tree.nodes(), tree.drawables(), upload.appearances()];
+        let bound =
+            [depth.pyramid.texels(), tree.pages(), tree.nodes(), tree.drawables(), upload.appearances()];
         let make = || Room::new(scene.gpu(), layout, bound, *capacity);
         let room = reuse_or_make(room, |room| room.capacity == *capacity, make)?;
         room.cut.elements_mut().fill(cut);
@@ -277,7 +278,12 @@ impl Counters {
 }
 
 impl Room {
-    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, bound: [&Buffer; 5], capacity: u32) -> Result<Self, GpuError> {
+    fn new(
+        gpu: &Arc<Gpu>,
+        layout: &Arc<Layout>,
+        bound: [&Buffer; 5],
+        capacity: u32,
+    ) -> Result<Self, GpuError> {
         use vk::BufferUsageFlags as Usage;
         const LISTS: &str = "lists of a traversal";
         let count = capacity as usize;

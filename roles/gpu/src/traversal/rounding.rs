@@ -39,9 +39,8 @@ pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
         commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
     })?;
     stream.wait(OPERATION)?;
-    let are_same = |(device, [a, b]): (&Results, [f64; 2])| {
-        device.map(f64::to_bits) == on_host(a, b).map(f64::to_bits)
-    };
+    let are_same =
+        |(device, [a, b]): (&Results, [f64; 2])| device.map(f64::to_bits) == on_host(a, b).map(f64::to_bits);
     Ok(results.elements().iter().zip(cases()).all(are_same))
 }
 

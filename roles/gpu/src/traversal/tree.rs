@@ -236,7 +236,9 @@ impl Upload {
     fn show_new_nodes(&mut self, tree: &Tree, scene: &Scene, rule: &CutRule) {
         let resident = &tree.nodes.resident;
         let known = match &self.appearances_of {
-            Some((before, generation, pages)) if *generation == tree.generation && before.looks_like(rule) => {
+            Some((before, generation, pages))
+                if *generation == tree.generation && before.looks_like(rule) =>
+            {
                 *pages
             }
             _ => 0,
@@ -255,11 +257,8 @@ impl Upload {
             commands.fill(&tree.pages, ABSENT);
             commands.barrier(scope::FILL, scope::FILL);
         }
-        let all = [
-            (&self.nodes, tree.nodes()),
-            (&self.drawables, tree.drawables()),
-            (&self.places, tree.pages()),
-        ];
+        let all =
+            [(&self.nodes, tree.nodes()), (&self.drawables, tree.drawables()), (&self.places, tree.pages())];
         for (copies, buffer) in all {
             if !copies.is_empty() {
                 commands.copy(self.staging.buffer(), buffer, copies);
@@ -288,7 +287,8 @@ fn fill(scene: &Scene, is_of_nodes: bool, page: usize, bytes: &mut [u8]) {
     let drawables = bytes.chunks_exact_mut(size_of::<DrawableRecord>()).zip(scene.drawables().range(numbers));
     for (slot, drawable) in drawables {
         let piece = (drawable.pieces > 1).then(|| scene.places().get(drawable.geometry as usize)).flatten();
-        let (local_min, local_max) = piece.map_or_else(Default::default, |piece| (piece.local_min, piece.local_max));
+        let (local_min, local_max) =
+            piece.map_or_else(Default::default, |piece| (piece.local_min, piece.local_max));
         let (error, node, pieces) = (drawable.error, drawable.node, drawable.pieces.into());
         let record = DrawableRecord { local_min, local_max, error, node, pieces };
         slot.copy_from_slice(bytemuck::bytes_of(&record));

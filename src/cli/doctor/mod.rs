@@ -1,11 +1,13 @@
 //! `trimaran doctor`: checks this machine, and names missing packages.
 
+mod culling;
+
 use std::{io::Write as _, net::TcpListener, thread};
 
 use serde::Serialize;
 use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
 
-use super::{Failure, args::DoctorArgs, print_json, printed};
+use super::{Failure, args::DoctorArgs, print_json, printed, terminal};
 
 /// The result of one check.
 #[derive(Debug, Serialize)]
@@ -38,11 +40,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
     } else {
-        printed(write!(
-            super::terminal::stdout(),
-            "{}",
-            findings.iter().map(Finding::lines).collect::<String>()
-        ))?;
+        printed(write!(terminal::stdout(), "{}", findings.iter().map(Finding::lines).collect::<String>()))?;
     }
     if healthy {
         Ok(())
@@ -58,12 +56,13 @@ fn gpus() -> Vec<Finding> {
     };
     let mut findings: Vec<_> = devices.iter().map(listed).collect();
     // Listing shows only the claims of a device; opening it is the proof.
-    let opened = Gpu::open(&GpuOptions::default());
+    let opened = Gpu::open(&GpuOptions { check_traversals: true, ..GpuOptions::default() });
     let detail = match &opened {
         Ok(gpu) => format!("opened {}", gpu.info().name),
         Err(error) => error.to_string(),
     };
     findings.push(Finding::new("vulkan", opened.is_ok(), detail));
+    findings.extend(opened.iter().map(culling::check));
     findings
 }
 
@@ -72,7 +71,7 @@ fn listed(info: &GpuInfo) -> Finding {
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
     if info.hzb_place == HzbPlace::Device {
-        detail += "; hzb tests boxes on the device";
+        detail += "; culls on the device";
     }
     if !info.missing.is_empty() {
         detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
