@@ -16,8 +16,8 @@ use trimaran_actors::{
 };
 use trimaran_cull::Image;
 use trimaran_proto::{
-    Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, SessionKey, ViewState, ViewVersion,
-    Walkthrough,
+    Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, RoleMessage, SessionKey, Settings,
+    ViewReader, ViewState, ViewVersion, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{
@@ -30,6 +30,10 @@ use crate::common::{middle, send_frame, settings, small_scene, turned};
 /// Nothing here takes so long.
 const LONG: Duration = Duration::from_secs(100);
 const PAUSE: Duration = Duration::from_millis(5);
+/// The view states that a relay tells a culler that comes anew.
+const KEPT: usize = 4;
+/// The culler refuses pictures below this width.
+const REFUSED: u32 = 16;
 /// More frames than wait for a reader.
 const FRAMES: u32 = 1_000;
 
@@ -57,7 +61,9 @@ struct Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.stopper.stop();
-        self.thread.take().unwrap().join().unwrap();
+        let ended = self.thread.take().unwrap().join();
+        // The first panic tells more.
+        assert!(ended.is_ok() || thread::panicking());
     }
 }
 
@@ -132,7 +138,8 @@ impl Bench {
         Process { stopper, at, thread: Some(thread::spawn(move || run(stop))) }
     }
 
-    /// A culler that answers each camera, and counts them.
+    /// A culler that answers each camera, and counts them. It refuses small pictures, a view state that it was
+    /// told before, and a camera whose view state it lacks.
     fn culler(&self, at: &Endpoint, culls: &Arc<Mutex<u32>>) -> Process {
         let identity = Identity { role: Role::Culler, scene: Some(self.scene.outline()), session: None };
         let (at, options) = (Endpoints::from(at.clone()), self.options());
@@ -152,24 +159,8 @@ impl Bench {
                     let culls = Arc::clone(&culls);
                     serving.spawn(async move {
                         let mut link = link;
-                        let mut number = 0;
-                        loop {
-                            let camera = tokio::select! {
-                                message = link.messages_rx.recv() => match message {
-                                    Ok(_) => continue,
-                                    Err(_) => return,
-                                },
-                                camera = link.latest_rx.latest() => match camera {
-                                    Ok(camera) => camera,
-                                    Err(_) => return,
-                                },
-                            };
-                            *culls.lock() += 1;
-                            let ids = visible(drawables, camera);
-                            if send_frame(&mut link, number, camera, &ids).await.is_none() {
-                                return;
-                            }
-                            number += 1;
+                        if let Some(why) = answer(&mut link, &culls, drawables).await {
+                            link.close(CloseCode::Failed.because(why)).await.unwrap();
                         }
                     });
                 }
@@ -247,6 +238,41 @@ impl Bench {
     }
 }
 
+/// Answers a display's cameras until it leaves, or is refused for a reason.
+async fn answer(link: &mut Link, culls: &Mutex<u32>, drawables: u32) -> Option<&'static str> {
+    let is_small = |(_, settings): (_, Settings)| settings.viewport.width() < REFUSED;
+    if link.peer.hello.session.is_some_and(is_small) {
+        return Some("the picture is too small");
+    }
+    let (mut known, mut reader, mut number) = (vec![ViewVersion(0)], ViewReader::default(), 0);
+    loop {
+        let camera = tokio::select! {
+            biased;
+            message = link.messages_rx.recv() => {
+                if let RoleMessage::View { version, part, last } = message.ok()?
+                    && reader.take(version, &part, last).unwrap().is_some()
+                {
+                    if known.contains(&version) {
+                        return Some("the view state is known");
+                    }
+                    known.push(version);
+                    if number == 0 && known.len() > 1 + KEPT {
+                        return Some("so many view states are not kept");
+                    }
+                }
+                continue;
+            }
+            camera = link.latest_rx.latest() => camera.ok()?,
+        };
+        if !known.contains(&camera.view()) {
+            return Some("the view state is unknown");
+        }
+        *culls.lock() += 1;
+        send_frame(link, number, camera, &visible(drawables, camera)).await?;
+        number += 1;
+    }
+}
+
 /// The drawables visible from there: another set for each frame and view state.
 fn visible(drawables: u32, camera: Camera) -> Vec<DrawableId> {
     let (frame, view) = (camera.frame().0, camera.view().0);
@@ -273,6 +299,16 @@ impl Leader<'_> {
             self.bench.runtime.block_on(self.link.messages_tx.send(&message)).unwrap();
         }
         self.state = state;
+    }
+
+    /// Returns once the relay has all of its messages: it can meet no other culler there, and is told so.
+    fn is_heard(&mut self) {
+        let (runtime, net, key) = (&self.bench.runtime, &self.bench.net, SessionKey(5));
+        let meets = async {
+            self.link.messages_tx.send(&RoleMessage::Meet { key, at: None }).await.unwrap();
+            while self.link.messages_rx.recv().await.unwrap() != (RoleMessage::Unmet { key }) {}
+        };
+        runtime.block_on(until(&**net, net.now().after(LONG), meets)).unwrap();
     }
 
     fn asks(&mut self, frame: u32) {
@@ -306,13 +342,15 @@ impl Leader<'_> {
 
     /// Why its link was closed.
     fn end(mut self) -> String {
-        let end = self.bench.runtime.block_on(async {
+        let (runtime, net) = (&self.bench.runtime, &self.bench.net);
+        let closed = async {
             loop {
                 if let Err(end) = self.link.frames_rx.recv().await {
                     return end;
                 }
             }
-        });
+        };
+        let end = runtime.block_on(until(&**net, net.now().after(LONG), closed)).unwrap();
         let RecvError::Closed { reason, .. } = end else { panic!("{end:?}") };
         format!("{:?}: {reason:?}", CloseCode::of(&reason))
     }
@@ -422,16 +460,27 @@ fn when_the_culler_is_restarted_displays_stay_and_the_walk_goes_on() {
     let relay = bench.relay(&at, "tcp://127.0.0.1:0");
     let watcher = bench.watcher(&relay.at);
     let mut leader = bench.lead(&relay.at, 1);
-    leader.changes(ViewState { hidden: [1, 5].into_iter().collect(), ..leader.state.clone() });
+    let hides = |leader: &mut Leader<'_>, object| {
+        leader.changes(ViewState { hidden: [object].into_iter().collect(), ..leader.state.clone() });
+    };
     bench.shows(&watcher, &leader.walks(0));
+    (0..5).for_each(|object| hides(&mut leader, object));
+    bench.shows(&watcher, &leader.walks(1));
     drop(culler);
-    leader.asks(1);
+    leader.asks(2);
+    // The camera names the view state before these.
+    let asked = (leader.version, leader.state.clone());
+    (0..3).for_each(|object| hides(&mut leader, object));
+    leader.is_heard();
+    let changed = (leader.version, leader.state.clone());
+    (leader.version, leader.state) = asked;
     let culler = bench.culler(&at, &culls);
-    bench.shows(&watcher, &leader.sees(1));
-    for frame in 2..5 {
+    bench.shows(&watcher, &leader.sees(2));
+    (leader.version, leader.state) = changed;
+    for frame in 3..6 {
         bench.shows(&watcher, &leader.walks(frame));
     }
-    assert_eq!(*culls.lock(), 5, "no frame is culled again");
+    assert_eq!(*culls.lock(), 6, "no frame is culled again");
     assert_eq!(*watcher.comings.lock(), (1, 0));
     drop(culler);
 }
@@ -484,7 +533,23 @@ fn one_display_leads_and_the_next_one_only_once_it_has_left() {
     again.leaves();
     let mut third = bench.try_lead(&relay.at, 3, 128, true).unwrap();
     bench.shows(&watcher, &third.walks(0));
+    third.is_heard();
     let refused = bench.try_lead(&relay.at, 4, 64, false);
     let last = trimaran_transport::causes(&*refused.map(drop).unwrap_err());
     assert!(last.contains("give this display the scene"), "{last}");
+}
+
+#[test]
+fn a_display_is_told_why_it_is_let_go() {
+    let bench = Bench::new();
+    let culler = bench.culler(&anywhere(), &Arc::default());
+    let relay = bench.relay(&culler.at, "tcp://127.0.0.1:0");
+    let told = bench.try_lead(&relay.at, 1, REFUSED - 1, true).unwrap().end();
+    assert!(told.contains("Failed") && told.contains("the picture is too small"), "{told}");
+    let watcher = bench.watcher(&relay.at);
+    let mut leader = bench.lead(&relay.at, 2);
+    bench.shows(&watcher, &leader.walks(0));
+    drop(relay);
+    let told = leader.end();
+    assert!(told.contains("Interrupted"), "{told}");
 }
