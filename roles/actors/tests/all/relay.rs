@@ -11,8 +11,8 @@ use parking_lot::Mutex;
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     BoxedError, CullerEvent, DisplayWork, FrameEvent, Link, Listener, Observer, PeerEndpoint, Peers,
-    PeersConfig, Relay, RelayEndpoints, RoleError, ShownFrame, Stop, Stopper, Turns, WatcherRole, again,
-    max_frame,
+    PeersConfig, Relay, RelayEndpoints, RelayError, RoleError, ShownFrame, Stop, Stopper, Turns, WatcherRole,
+    again, max_frame,
 };
 use trimaran_cull::Image;
 use trimaran_proto::{
@@ -141,7 +141,23 @@ impl Bench {
     /// A culler that answers each camera, and counts them. It refuses small pictures, a view state that it was
     /// told before, and a camera whose view state it lacks.
     fn culler(&self, at: &Endpoint, culls: &Arc<Mutex<u32>>) -> Process {
-        let identity = Identity { role: Role::Culler, scene: Some(self.scene.outline()), session: None };
+        let (drawables, culls) = (max_frame(&self.scene), Arc::clone(culls));
+        self.serves(Role::Culler, at, move |mut link| {
+            let culls = Arc::clone(&culls);
+            async move {
+                if let Some(why) = answer(&mut link, &culls, drawables).await {
+                    link.close(CloseCode::Failed.because(why)).await.unwrap();
+                }
+            }
+        })
+    }
+
+    /// A listener that serves each link so.
+    fn serves<S>(&self, role: Role, at: &Endpoint, serve: impl Fn(Link) -> S + Send + 'static) -> Process
+    where
+        S: Future<Output = ()> + Send + 'static,
+    {
+        let identity = Identity { role, scene: Some(self.scene.outline()), session: None };
         let (at, options) = (Endpoints::from(at.clone()), self.options());
         // The port of the one before it may still be in use.
         let bound = again(&self.net, self.net.now().after(LONG), ListenError::may_pass, || {
@@ -149,23 +165,16 @@ impl Bench {
         });
         let mut listener = self.runtime.block_on(bound).unwrap();
         let at = listener.local_endpoints().iter().next().unwrap().clone();
-        let (net, culls, handle) = (Arc::clone(&self.net), Arc::clone(culls), self.runtime.handle().clone());
-        let drawables = max_frame(&self.scene);
+        let (net, handle) = (Arc::clone(&self.net), self.runtime.handle().clone());
         self.process(at, move |stop| {
-            let serve = async {
+            let served = async {
                 let mut serving = tokio::task::JoinSet::new();
                 loop {
                     let link = listener.accept(net.now().after(LONG)).await.unwrap();
-                    let culls = Arc::clone(&culls);
-                    serving.spawn(async move {
-                        let mut link = link;
-                        if let Some(why) = answer(&mut link, &culls, drawables).await {
-                            link.close(CloseCode::Failed.because(why)).await.unwrap();
-                        }
-                    });
+                    serving.spawn(serve(link));
                 }
             };
-            let _stopped: Option<()> = handle.block_on(stop.unless_requested(serve));
+            let _stopped: Option<()> = handle.block_on(stop.unless_requested(served));
         })
     }
 
@@ -175,7 +184,10 @@ impl Bench {
             listen: listen.parse().unwrap(),
             options: self.options(),
         };
-        let started = Relay::start(&self.net, at, Arc::new(|_, _| Box::new(())));
+        // The port of the one before it may still be in use.
+        let started = again(&self.net, self.net.now().after(LONG), RelayError::may_pass, || {
+            Relay::start(&self.net, at.clone(), Arc::new(|_, _| Box::new(())))
+        });
         let relay = self.runtime.block_on(started).unwrap();
         let at = relay.endpoints().iter().next().unwrap().clone();
         let handle = self.runtime.handle().clone();
@@ -483,6 +495,47 @@ fn when_the_culler_is_restarted_displays_stay_and_the_walk_goes_on() {
     assert_eq!(*culls.lock(), 6, "no frame is culled again");
     assert_eq!(*watcher.comings.lock(), (1, 0));
     drop(culler);
+}
+
+#[test]
+fn when_the_relay_is_restarted_watchers_stay_and_show_its_next_leader() {
+    let bench = Bench::new();
+    let (at, culler) = (port(), bench.culler(&anywhere(), &Arc::default()));
+    let relay = bench.relay(&culler.at, &at.to_string());
+    let watcher = bench.watcher(&at);
+    bench.shows(&watcher, &bench.lead(&at, 1).walks(0));
+    drop(relay);
+    let _relay = bench.relay(&culler.at, &at.to_string());
+    // Its view state has the number of the one before.
+    bench.shows(&watcher, &bench.try_lead(&at, 2, 128, true).unwrap().walks(0));
+    assert_eq!(*watcher.comings.lock(), (2, 1));
+}
+
+/// Frames and view states come in lanes of their own.
+#[test]
+fn a_frame_that_overtakes_its_view_state_is_shown_once_that_has_come() {
+    let bench = Bench::new();
+    let state = ViewState { hidden: [1, 2].into_iter().collect(), ..settings(32, 2.0).into() };
+    let camera = Camera::at_origin(FrameNumber(3));
+    let ids = visible(max_frame(&bench.scene), camera);
+    let (net, picture) = (Arc::clone(&bench.net), Picture { camera, state, ids });
+    let sent = picture.clone();
+    let root = bench.serves(Role::Relay, &anywhere(), move |mut link| {
+        let (net, Picture { camera, state, ids }) = (Arc::clone(&net), sent.clone());
+        async move {
+            let version = ViewVersion(1);
+            let _sent = send_frame(&mut link, 0, camera.in_view(version), &ids).await;
+            sleep_until(&*net, net.now().after(10 * PAUSE)).await;
+            for message in state.to_messages(version).unwrap() {
+                let _sent = link.messages_tx.send(&message).await;
+            }
+            let _left = link.frames_rx.recv().await;
+        }
+    });
+    let leaf = bench.relay(&root.at, "tcp://127.0.0.1:0");
+    for at in [&root.at, &leaf.at] {
+        bench.shows(&bench.watcher(at), &picture);
+    }
 }
 
 #[test]
