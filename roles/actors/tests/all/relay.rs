@@ -170,7 +170,7 @@ impl Bench {
             let served = async {
                 let mut serving = tokio::task::JoinSet::new();
                 loop {
-                    let link = listener.accept(net.now().after(LONG)).await.unwrap();
+                    let link = listener.accept(net.now().after(100 * LONG)).await.unwrap();
                     serving.spawn(serve(link));
                 }
             };
