@@ -17,7 +17,7 @@ pub const OUTLINE: SceneOutline =
     SceneOutline { hash: SceneHash(0x1234), nodes: 6, drawables: 8, geometries: 4, objects: 5 };
 
 /// Any bytes, as a block of either side, are refused or are items, which are written and read again as the
-/// same. What a culler sends is refused, or taken by a scene of which nothing was there before.
+/// same. A culler's items are refused, or taken by a scene of which nothing was there before.
 pub fn supply(bytes: &[u8]) {
     let block = bytes.get(..MAX_BLOCK).unwrap_or(bytes);
     read::<Demand>(block).iter().for_each(demand);
@@ -75,7 +75,7 @@ impl Default for Display {
 }
 
 impl Display {
-    /// Takes an item. Whatever it gives the scene can be used then.
+    /// Takes an item. The scene can then use it.
     pub fn take(&mut self, item: Supply) {
         match item {
             Supply::Entries { packed } => match unpack_entries(&packed) {
@@ -107,7 +107,7 @@ impl Display {
         (!level.is_empty() && level.clone().all(is_there)).then_some(level)
     }
 
-    /// The newest one counts. What the scene does not have stands for nothing.
+    /// The newest one counts. A drawable that the scene lacks stands for nothing.
     fn stand_in(&mut self, level: (DrawableId, u32), drawables: &NumberList) {
         let id = level.0;
         let known = self.stand_ins.clone();

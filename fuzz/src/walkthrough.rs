@@ -64,8 +64,8 @@ where
 }
 
 /// Any bytes, taken as what is sent over a lane: first a frame of the ids that the front names, then changes
-/// against it. Whatever is read rises, fits a batch, counts as it says itself, and is written and read again
-/// as the same ids.
+/// against it. The ids that are read rise, fit a batch, are as many as stated, and are written and read again
+/// as the same ones.
 pub fn changes(bytes: &[u8]) {
     let Some((count, coded)) = bytes.split_first() else { return };
     let (gaps, coded) = coded.split_at(usize::from(*count).min(coded.len()));

@@ -84,8 +84,8 @@ impl Control {
     /// Changes the direction of a link that leads from one node to its neighbour, and of several the first.
     /// [`Topology::node`](crate::Topology::node) and [`find_node`](crate::Topology::find_node) give nodes.
     ///
-    /// - What is on the line or in flight keeps its times. What waits in the queue stays there, also beyond
-    ///   new limits, and is sent at the new rate.
+    /// - Packets on the line or in flight keep their times. Packets in the queue stay there, also beyond new
+    ///   limits, and are sent at the new rate.
     /// - `phases` count from the start of the simulation.
     /// - TCP connections keep the segment size of their beginning, so a smaller MTU drops their full
     ///   segments.

@@ -16,7 +16,7 @@ pub struct RelayConfig {
     #[config(env = "TRIMARAN_UPSTREAM", layer_attr(arg(long, value_name = "ENDPOINT")))]
     pub upstream: Endpoints,
     /// Where to listen for displays and for other relays, such as `tcp://0.0.0.0:7400`; a list where they
-    /// come over different transports. At most `limits.peers` of them watch.
+    /// come over different transports. At most `limits.peers` of them come.
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     pub listen: Endpoints,
     /// Start, keys and metrics.

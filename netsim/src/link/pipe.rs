@@ -68,9 +68,9 @@ impl<P: Clone> Pipe<P> {
         &self.model
     }
 
-    /// Changes the link from now on. What is on the line or in flight keeps its times, and what waits is sent
-    /// under the new model. Random streams go on. The framing stays as it is, because it says how many bytes
-    /// the packets under way have.
+    /// Changes the link from now on. Packets on the line or in flight keep their times, and waiting ones are
+    /// sent under the new model. Random streams go on. The framing stays as it is, because it says how many
+    /// bytes the packets under way have.
     pub fn set_model(&mut self, model: LinkModel) {
         self.queue.set_model(model.queue);
         self.model = LinkModel { framing: self.model.framing, ..model };

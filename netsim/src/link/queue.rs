@@ -115,7 +115,7 @@ impl<T> Queue<T> {
         Ok(())
     }
 
-    /// Changes the model. What waits stays, even beyond the new limits.
+    /// Changes the model. Waiting packets stay, even beyond the new limits.
     pub(super) const fn set_model(&mut self, model: QueueModel) {
         self.model = model;
     }

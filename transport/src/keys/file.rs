@@ -14,7 +14,7 @@ use super::{NoiseSecret, PublicKeys};
 use crate::Name;
 
 const PRIVATE_REMARK: &str =
-    "# Private keys of a Trimaran peer. Whoever has this file is that peer: it stays on its machine.\n\n";
+    "# Private keys of a Trimaran peer. Its holder is that peer: it stays on its machine.\n\n";
 const PUBLIC_REMARK: &str =
     "# Public keys of a Trimaran peer. Copy this file to the peers that are to know it.\n\n";
 

@@ -137,8 +137,8 @@ impl BlobSender {
 }
 
 impl BlobReceiver {
-    /// Waits for more of a blob, for as long as the peer lives. What has come takes as much memory, and a
-    /// claimed length takes none. Dropping the future loses nothing.
+    /// Waits for more of a blob, for as long as the peer lives. Bytes that have come take as much memory,
+    /// and a claimed length takes none. Dropping the future loses nothing.
     ///
     /// # Errors
     /// If the link ends, a blob is too long, or the peer sends blocks that are no blobs.

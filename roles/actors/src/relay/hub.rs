@@ -27,9 +27,6 @@ pub(super) struct Hub {
     leader: watch::Sender<Option<Leader>>,
     /// How many have led.
     led: Mutex<u64>,
-    /// The most watchers at once, and a clone for each of them.
-    most: usize,
-    watching: Arc<()>,
     /// Whether the relay ends.
     over: watch::Sender<bool>,
     watch: WatchLink,
@@ -42,12 +39,11 @@ struct Fan {
 }
 
 impl Hub {
-    /// Of a relay of this scene, which at most `most` displays watch.
+    /// Of a relay of this scene.
     pub(super) fn new(
         net: &Arc<dyn Net>,
         outline: SceneOutline,
         config: &LinkConfig,
-        most: usize,
         watch: WatchLink,
     ) -> Self {
         let fan = Fan { publisher: Publisher::new(net, config), next: FrameNumber(0) };
@@ -58,8 +54,6 @@ impl Hub {
             views: watch::Sender::default(),
             leader: watch::Sender::default(),
             led: Mutex::default(),
-            most,
-            watching: Arc::default(),
             over: watch::Sender::default(),
             watch,
         }
@@ -69,15 +63,10 @@ impl Hub {
     pub(super) fn welcome(self: &Arc<Self>, link: Link) {
         let hello = link.peer.hello;
         match hello.session {
-            Some(session) => match self.led_by_another(session.0) {
-                true => self.turn_away(link, "another display leads: this one can only watch"),
-                false => leader::start(self, link, session),
-            },
+            Some(session) if self.led_by_another(session.0) => self.turn_away(link),
+            Some(session) => leader::start(self, link, session),
             // A relay that has asked for the scene.
             None if hello.scene.is_none() => drop(link),
-            None if Arc::strong_count(&self.watching) > self.most => {
-                self.turn_away(link, "the relay is full");
-            }
             None => self.net.spawn(Box::pin(watcher::serve(Arc::clone(self), link))),
         }
     }
@@ -86,7 +75,8 @@ impl Hub {
         self.leader.borrow().as_ref().is_some_and(|leader| leader.session.0 != key)
     }
 
-    fn turn_away(&self, link: Link, why: &'static str) {
+    fn turn_away(&self, link: Link) {
+        let why = "another display leads: this one can only watch";
         tracing::warn!(from = %link.peer.address, "turned a display away: {why}");
         self.net.spawn(Box::pin(async move {
             let _unheard = link.close(CloseCode::Failed.because(why)).await;
@@ -96,11 +86,6 @@ impl Hub {
     /// Watches a link for the metrics, until the result is dropped.
     pub(super) fn watch(&self, kind: &'static str, link: &Link) -> Box<dyn Send> {
         (self.watch)(kind, link)
-    }
-
-    /// A place of a watcher.
-    pub(super) fn place(&self) -> Arc<()> {
-        Arc::clone(&self.watching)
     }
 
     /// The display that leads, as it changes.

@@ -67,7 +67,7 @@ pub struct RelayEndpoints {
     pub upstream: PeerEndpoint,
     /// Where displays connect to it.
     pub listen: Endpoints,
-    /// The options of their links; at most `limits.peers` displays watch.
+    /// The options of their links; at most `limits.peers` displays come, the one that leads among them.
     pub options: Options,
 }
 
@@ -101,7 +101,7 @@ impl Relay {
         let identity = Identity { role: Role::Relay, scene: Some(outline), session: None };
         let listener = Listener::bind_all(net, &listen, identity, &options).await?;
         let config = options.link.with_batching(Walkthrough::relayed());
-        let hub = Arc::new(Hub::new(net, outline, &config, options.limits.peers, watch));
+        let hub = Arc::new(Hub::new(net, outline, &config, watch));
         let upstream = Upstream::new(net, upstream, outline, &hub);
         Ok(Self { net: Arc::clone(net), upstream, listener, hub })
     }

@@ -86,7 +86,6 @@ impl Upstream {
     /// The leader's cameras and view states go up, and frames come down.
     async fn lead(&self, link: &mut Link, leader: &Leader) -> Result<Infallible, LinkError> {
         let mut asked = leader.asked.clone();
-        asked.mark_changed();
         let mut told = 0;
         loop {
             tokio::select! {

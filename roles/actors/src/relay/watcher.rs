@@ -10,7 +10,7 @@ use crate::links::Link;
 
 /// Serves a watcher until it leaves.
 pub(super) async fn serve(hub: Arc<Hub>, link: Link) {
-    let (_place, _watched) = (hub.place(), hub.watch("watcher", &link));
+    let _watched = hub.watch("watcher", &link);
     tracing::info!(address = %link.peer.address, "a display watches");
     let Link { frames_tx, mut frames_rx, mut messages_tx, latest_tx, latest_rx, messages_rx, bulk, .. } =
         link;

@@ -106,7 +106,12 @@ impl Packed {
 
 #[cfg(test)]
 mod tests {
+    use std::thread;
+
+    use trimaran_proto::DrawableId;
+
     use super::*;
+    use crate::supply::testing::PLANT;
 
     fn get(packed: &Packed, number: u32, bytes: usize) -> Bytes {
         packed.get(&Content::Piece(number), || Ok(vec![number as u8; bytes].into())).unwrap()
@@ -123,14 +128,52 @@ mod tests {
         assert_eq!(packed.counts(), PackingCounts { requests: 400, packed: 100 });
     }
 
+    #[test]
+    fn each_piece_and_pack_of_records_is_that_of_the_scene() {
+        let (scene, packed) = (&*PLANT, Packed::default());
+        let ids = (0..scene.drawables().len() as u32).map(DrawableId);
+        let entries: Vec<_> = ids.filter_map(|id| DrawableEntry::of(scene, id).unwrap()).collect();
+        for _ in 0..2 {
+            for number in 0..scene.outline().geometries {
+                assert_eq!(packed.piece(scene, number).unwrap(), scene.packed_geometry(number).unwrap());
+            }
+            for entries in entries.chunks(16) {
+                assert_eq!(packed.records(entries).unwrap(), pack_entries(entries));
+            }
+        }
+    }
+
+    /// Each is packed only once all sessions have requested it.
+    #[test]
+    fn sessions_that_request_it_at_the_same_time_wait_for_the_first() {
+        const SESSIONS: u64 = 8;
+        const PIECES: u32 = 100;
+        let packed = Packed::of_at_most(1 << 24);
+        let request = |number: u32| {
+            packed.get(&Content::Piece(number), || {
+                while packed.counts().requests < SESSIONS * (u64::from(number) + 1) {
+                    thread::yield_now();
+                }
+                Ok(vec![number as u8; 1_000].into())
+            })
+        };
+        thread::scope(|scope| {
+            for _ in 0..SESSIONS {
+                scope.spawn(|| (0..PIECES).for_each(|number| drop(request(number).unwrap())));
+            }
+        });
+        let requests = SESSIONS * u64::from(PIECES);
+        assert_eq!(packed.counts(), PackingCounts { requests, packed: PIECES.into() });
+    }
+
     /// The work of packing a scene's geometry for several displays, against that for one of them.
     #[test]
     #[ignore = "a measurement: --release --nocapture"]
     #[allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
     fn packing_for_many_costs_as_for_one() {
         const TRIES: usize = 9;
-        let scene = &*crate::supply::testing::PLANT;
-        let ids = (0..scene.drawables().len() as u32).map(trimaran_proto::DrawableId);
+        let scene = &*PLANT;
+        let ids = (0..scene.drawables().len() as u32).map(DrawableId);
         let entries: Vec<_> = ids.filter_map(|id| DrawableEntry::of(scene, id).unwrap()).collect();
         let serve = |packed: &Packed| {
             for number in 0..scene.outline().geometries {
@@ -161,8 +204,9 @@ mod tests {
         let packed = Packed::of_at_most(1 << 20);
         for number in 0..10_000 {
             assert_eq!(get(&packed, number, 1_000).len(), 1_000);
-            assert!(packed.0.cache.weight() <= 1 << 20);
+            assert!(packed.0.cache.len() * 1_000 <= 1 << 20);
         }
         assert!(packed.0.cache.len() > 100, "{}", packed.0.cache.len());
+        assert_eq!(Packed::default().0.cache.capacity(), 64 << 20);
     }
 }

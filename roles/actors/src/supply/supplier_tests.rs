@@ -364,6 +364,21 @@ fn what_only_frames_that_were_shown_needed_is_not_sent() {
     assert_eq!(pair.came().records.len(), 10);
 }
 
+#[test]
+fn frames_of_a_leader_are_in_other_numbers_than_those_that_were_shown() {
+    let (mut pair, all) = (Pair::new(&PLANT), unlike(30));
+    pair.hear(Demand::Shown { frame: FrameNumber(9) });
+    pair.supplier.change_following(true);
+    pair.supplier.found(&view(3), &all[..20], NOW);
+    pair.hear(Demand::Shown { frame: FrameNumber(50) });
+    assert_came(&pair.came(), &all[..20], &all[..20]);
+    pair.supplier.change_following(false);
+    pair.supplier.found(&view(9), &all[20..25], NOW);
+    assert_eq!(pair.came(), Came::default());
+    pair.supplier.found(&view(10), &all[25..], NOW);
+    assert_came(&pair.came(), &all[25..], &all[25..]);
+}
+
 /// The parts of a piece come together, in order.
 fn assert_parts_are_in_order(items: &[Supply]) {
     let mut open: Option<(u32, u32)> = None;

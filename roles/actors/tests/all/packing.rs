@@ -51,7 +51,7 @@ fn geometry_is_packed_once_for_all_sessions() {
             let (service, stop) = (&service, stop.clone());
             scope.spawn(move || service.supply(session, Device::default(), Some(&service.scene), &stop));
         }
-        service.runtime.block_on(async {
+        service.completes(async {
             let mut first = None;
             for link in &mut links {
                 let ids = asks(link, camera(1, 0)).await;

@@ -11,13 +11,13 @@ use parking_lot::Mutex;
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     BoxedError, CullerEvent, DisplayWork, FrameEvent, Link, Listener, Observer, PeerEndpoint, Peers,
-    PeersConfig, Relay, RelayEndpoints, RoleError, ShownFrame, Stop, Stopper, Turns, WatcherRole, again,
-    max_frame,
+    PeersConfig, Relay, RelayEndpoints, RelayError, RoleError, ShownFrame, Stop, Stopper, Turns, WatcherRole,
+    again, max_frame,
 };
 use trimaran_cull::Image;
 use trimaran_proto::{
-    Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, SessionKey, ViewState, ViewVersion,
-    Walkthrough,
+    Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, RoleMessage, SessionKey, Settings,
+    ViewReader, ViewState, ViewVersion, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{
@@ -30,6 +30,10 @@ use crate::common::{middle, send_frame, settings, small_scene, turned};
 /// Nothing here takes so long.
 const LONG: Duration = Duration::from_secs(100);
 const PAUSE: Duration = Duration::from_millis(5);
+/// The view states that a relay tells a culler that comes anew.
+const KEPT: usize = 4;
+/// The culler refuses pictures below this width.
+const REFUSED: u32 = 16;
 /// More frames than wait for a reader.
 const FRAMES: u32 = 1_000;
 
@@ -57,7 +61,9 @@ struct Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.stopper.stop();
-        self.thread.take().unwrap().join().unwrap();
+        let ended = self.thread.take().unwrap().join();
+        // The first panic tells more.
+        assert!(ended.is_ok() || thread::panicking());
     }
 }
 
@@ -132,9 +138,26 @@ impl Bench {
         Process { stopper, at, thread: Some(thread::spawn(move || run(stop))) }
     }
 
-    /// A culler that answers each camera, and counts them.
+    /// A culler that answers each camera, and counts them. It refuses small pictures, a view state that it was
+    /// told before, and a camera whose view state it lacks.
     fn culler(&self, at: &Endpoint, culls: &Arc<Mutex<u32>>) -> Process {
-        let identity = Identity { role: Role::Culler, scene: Some(self.scene.outline()), session: None };
+        let (drawables, culls) = (max_frame(&self.scene), Arc::clone(culls));
+        self.serves(Role::Culler, at, move |mut link| {
+            let culls = Arc::clone(&culls);
+            async move {
+                if let Some(why) = answer(&mut link, &culls, drawables).await {
+                    link.close(CloseCode::Failed.because(why)).await.unwrap();
+                }
+            }
+        })
+    }
+
+    /// A listener that serves each link so.
+    fn serves<S>(&self, role: Role, at: &Endpoint, serve: impl Fn(Link) -> S + Send + 'static) -> Process
+    where
+        S: Future<Output = ()> + Send + 'static,
+    {
+        let identity = Identity { role, scene: Some(self.scene.outline()), session: None };
         let (at, options) = (Endpoints::from(at.clone()), self.options());
         // The port of the one before it may still be in use.
         let bound = again(&self.net, self.net.now().after(LONG), ListenError::may_pass, || {
@@ -142,39 +165,16 @@ impl Bench {
         });
         let mut listener = self.runtime.block_on(bound).unwrap();
         let at = listener.local_endpoints().iter().next().unwrap().clone();
-        let (net, culls, handle) = (Arc::clone(&self.net), Arc::clone(culls), self.runtime.handle().clone());
-        let drawables = max_frame(&self.scene);
+        let (net, handle) = (Arc::clone(&self.net), self.runtime.handle().clone());
         self.process(at, move |stop| {
-            let serve = async {
+            let served = async {
                 let mut serving = tokio::task::JoinSet::new();
                 loop {
-                    let link = listener.accept(net.now().after(LONG)).await.unwrap();
-                    let culls = Arc::clone(&culls);
-                    serving.spawn(async move {
-                        let mut link = link;
-                        let mut number = 0;
-                        loop {
-                            let camera = tokio::select! {
-                                message = link.messages_rx.recv() => match message {
-                                    Ok(_) => continue,
-                                    Err(_) => return,
-                                },
-                                camera = link.latest_rx.latest() => match camera {
-                                    Ok(camera) => camera,
-                                    Err(_) => return,
-                                },
-                            };
-                            *culls.lock() += 1;
-                            let ids = visible(drawables, camera);
-                            if send_frame(&mut link, number, camera, &ids).await.is_none() {
-                                return;
-                            }
-                            number += 1;
-                        }
-                    });
+                    let link = listener.accept(net.now().after(100 * LONG)).await.unwrap();
+                    serving.spawn(serve(link));
                 }
             };
-            let _stopped: Option<()> = handle.block_on(stop.unless_requested(serve));
+            let _stopped: Option<()> = handle.block_on(stop.unless_requested(served));
         })
     }
 
@@ -184,7 +184,10 @@ impl Bench {
             listen: listen.parse().unwrap(),
             options: self.options(),
         };
-        let started = Relay::start(&self.net, at, Arc::new(|_, _| Box::new(())));
+        // The port of the one before it may still be in use.
+        let started = again(&self.net, self.net.now().after(LONG), RelayError::may_pass, || {
+            Relay::start(&self.net, at.clone(), Arc::new(|_, _| Box::new(())))
+        });
         let relay = self.runtime.block_on(started).unwrap();
         let at = relay.endpoints().iter().next().unwrap().clone();
         let handle = self.runtime.handle().clone();
@@ -247,6 +250,41 @@ impl Bench {
     }
 }
 
+/// Answers a display's cameras until it leaves, or is refused for a reason.
+async fn answer(link: &mut Link, culls: &Mutex<u32>, drawables: u32) -> Option<&'static str> {
+    let is_small = |(_, settings): (_, Settings)| settings.viewport.width() < REFUSED;
+    if link.peer.hello.session.is_some_and(is_small) {
+        return Some("the picture is too small");
+    }
+    let (mut known, mut reader, mut number) = (vec![ViewVersion(0)], ViewReader::default(), 0);
+    loop {
+        let camera = tokio::select! {
+            biased;
+            message = link.messages_rx.recv() => {
+                if let RoleMessage::View { version, part, last } = message.ok()?
+                    && reader.take(version, &part, last).unwrap().is_some()
+                {
+                    if known.contains(&version) {
+                        return Some("the view state is known");
+                    }
+                    known.push(version);
+                    if number == 0 && known.len() > 1 + KEPT {
+                        return Some("so many view states are not kept");
+                    }
+                }
+                continue;
+            }
+            camera = link.latest_rx.latest() => camera.ok()?,
+        };
+        if !known.contains(&camera.view()) {
+            return Some("the view state is unknown");
+        }
+        *culls.lock() += 1;
+        send_frame(link, number, camera, &visible(drawables, camera)).await?;
+        number += 1;
+    }
+}
+
 /// The drawables visible from there: another set for each frame and view state.
 fn visible(drawables: u32, camera: Camera) -> Vec<DrawableId> {
     let (frame, view) = (camera.frame().0, camera.view().0);
@@ -273,6 +311,16 @@ impl Leader<'_> {
             self.bench.runtime.block_on(self.link.messages_tx.send(&message)).unwrap();
         }
         self.state = state;
+    }
+
+    /// Returns once the relay has all of its messages: it can meet no other culler there, and is told so.
+    fn is_heard(&mut self) {
+        let (runtime, net, key) = (&self.bench.runtime, &self.bench.net, SessionKey(5));
+        let meets = async {
+            self.link.messages_tx.send(&RoleMessage::Meet { key, at: None }).await.unwrap();
+            while self.link.messages_rx.recv().await.unwrap() != (RoleMessage::Unmet { key }) {}
+        };
+        runtime.block_on(until(&**net, net.now().after(LONG), meets)).unwrap();
     }
 
     fn asks(&mut self, frame: u32) {
@@ -306,13 +354,15 @@ impl Leader<'_> {
 
     /// Why its link was closed.
     fn end(mut self) -> String {
-        let end = self.bench.runtime.block_on(async {
+        let (runtime, net) = (&self.bench.runtime, &self.bench.net);
+        let closed = async {
             loop {
                 if let Err(end) = self.link.frames_rx.recv().await {
                     return end;
                 }
             }
-        });
+        };
+        let end = runtime.block_on(until(&**net, net.now().after(LONG), closed)).unwrap();
         let RecvError::Closed { reason, .. } = end else { panic!("{end:?}") };
         format!("{:?}: {reason:?}", CloseCode::of(&reason))
     }
@@ -422,18 +472,70 @@ fn when_the_culler_is_restarted_displays_stay_and_the_walk_goes_on() {
     let relay = bench.relay(&at, "tcp://127.0.0.1:0");
     let watcher = bench.watcher(&relay.at);
     let mut leader = bench.lead(&relay.at, 1);
-    leader.changes(ViewState { hidden: [1, 5].into_iter().collect(), ..leader.state.clone() });
+    let hides = |leader: &mut Leader<'_>, object| {
+        leader.changes(ViewState { hidden: [object].into_iter().collect(), ..leader.state.clone() });
+    };
     bench.shows(&watcher, &leader.walks(0));
+    (0..5).for_each(|object| hides(&mut leader, object));
+    bench.shows(&watcher, &leader.walks(1));
     drop(culler);
-    leader.asks(1);
+    leader.asks(2);
+    // The camera names the view state before these.
+    let asked = (leader.version, leader.state.clone());
+    (0..3).for_each(|object| hides(&mut leader, object));
+    leader.is_heard();
+    let changed = (leader.version, leader.state.clone());
+    (leader.version, leader.state) = asked;
     let culler = bench.culler(&at, &culls);
-    bench.shows(&watcher, &leader.sees(1));
-    for frame in 2..5 {
+    bench.shows(&watcher, &leader.sees(2));
+    (leader.version, leader.state) = changed;
+    for frame in 3..6 {
         bench.shows(&watcher, &leader.walks(frame));
     }
-    assert_eq!(*culls.lock(), 5, "no frame is culled again");
+    assert_eq!(*culls.lock(), 6, "no frame is culled again");
     assert_eq!(*watcher.comings.lock(), (1, 0));
     drop(culler);
+}
+
+#[test]
+fn when_the_relay_is_restarted_watchers_stay_and_show_its_next_leader() {
+    let bench = Bench::new();
+    let (at, culler) = (port(), bench.culler(&anywhere(), &Arc::default()));
+    let relay = bench.relay(&culler.at, &at.to_string());
+    let watcher = bench.watcher(&at);
+    bench.shows(&watcher, &bench.lead(&at, 1).walks(0));
+    drop(relay);
+    let _relay = bench.relay(&culler.at, &at.to_string());
+    // Its view state has the number of the one before.
+    bench.shows(&watcher, &bench.try_lead(&at, 2, 128, true).unwrap().walks(0));
+    assert_eq!(*watcher.comings.lock(), (2, 1));
+}
+
+/// Frames and view states come in lanes of their own.
+#[test]
+fn a_frame_that_overtakes_its_view_state_is_shown_once_that_has_come() {
+    let bench = Bench::new();
+    let state = ViewState { hidden: [1, 2].into_iter().collect(), ..settings(32, 2.0).into() };
+    let camera = Camera::at_origin(FrameNumber(3));
+    let ids = visible(max_frame(&bench.scene), camera);
+    let (net, picture) = (Arc::clone(&bench.net), Picture { camera, state, ids });
+    let sent = picture.clone();
+    let root = bench.serves(Role::Relay, &anywhere(), move |mut link| {
+        let (net, Picture { camera, state, ids }) = (Arc::clone(&net), sent.clone());
+        async move {
+            let version = ViewVersion(1);
+            let _sent = send_frame(&mut link, 0, camera.in_view(version), &ids).await;
+            sleep_until(&*net, net.now().after(10 * PAUSE)).await;
+            for message in state.to_messages(version).unwrap() {
+                let _sent = link.messages_tx.send(&message).await;
+            }
+            let _left = link.frames_rx.recv().await;
+        }
+    });
+    let leaf = bench.relay(&root.at, "tcp://127.0.0.1:0");
+    for at in [&root.at, &leaf.at] {
+        bench.shows(&bench.watcher(at), &picture);
+    }
 }
 
 #[test]
@@ -484,7 +586,23 @@ fn one_display_leads_and_the_next_one_only_once_it_has_left() {
     again.leaves();
     let mut third = bench.try_lead(&relay.at, 3, 128, true).unwrap();
     bench.shows(&watcher, &third.walks(0));
+    third.is_heard();
     let refused = bench.try_lead(&relay.at, 4, 64, false);
     let last = trimaran_transport::causes(&*refused.map(drop).unwrap_err());
     assert!(last.contains("give this display the scene"), "{last}");
+}
+
+#[test]
+fn a_display_is_told_why_it_is_let_go() {
+    let bench = Bench::new();
+    let culler = bench.culler(&anywhere(), &Arc::default());
+    let relay = bench.relay(&culler.at, "tcp://127.0.0.1:0");
+    let told = bench.try_lead(&relay.at, 1, REFUSED - 1, true).unwrap().end();
+    assert!(told.contains("Failed") && told.contains("the picture is too small"), "{told}");
+    let watcher = bench.watcher(&relay.at);
+    let mut leader = bench.lead(&relay.at, 2);
+    bench.shows(&watcher, &leader.walks(0));
+    drop(relay);
+    let told = leader.end();
+    assert!(told.contains("Interrupted"), "{told}");
 }

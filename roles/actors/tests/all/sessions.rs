@@ -4,6 +4,7 @@
 use std::{
     sync::{Arc, OnceLock},
     thread,
+    time::Duration,
 };
 
 use tokio::runtime::{Builder, Runtime};
@@ -15,7 +16,7 @@ use trimaran_proto::{
     Camera, CloseCode, DrawableId, FrameNumber, Role, SessionKey, Settings, ViewState, ViewVersion, Viewport,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Net, Options, RecvError, TokioNet};
+use trimaran_transport::{Net, Options, RecvError, TokioNet, until};
 
 use crate::common::{Broken, Device, Fault, Task};
 
@@ -57,6 +58,13 @@ impl Service {
         let most = Viewport::new(SIDE, SIDE).unwrap();
         let limits = SessionLimits::new(most, sessions * DEPTH);
         Self { runtime, net, scene, turns: Turns::fair(1), limits }
+    }
+
+    /// Runs a test's displays. Nothing here takes so long as its deadline.
+    pub(crate) fn completes(&self, displays: impl Future<Output = ()>) {
+        let deadline = self.net.now().after(Duration::from_secs(100));
+        let completed = self.runtime.block_on(until(&*self.net, deadline, displays));
+        assert!(completed.is_some(), "a display waits for something that does not come");
     }
 
     pub(crate) fn session(&self, side: u32) -> (NewSession, Link) {

@@ -24,7 +24,7 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
     link.hash = `v=${encodeViewpoint(viewpointOf(viewer))}`;
     const isCopied = await copyText(link.href);
     viewer.said.value = isCopied
-      ? "The link is copied. Whoever has it can see the model."
+      ? "The link is copied. Everybody who has it can see the model."
       : "The browser does not let this page copy.";
   };
   const record = () => {

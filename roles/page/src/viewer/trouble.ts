@@ -5,8 +5,8 @@ import { type LinkEnd, LinkError } from "trimaran-transport";
 /** Why no link could be made. */
 export function troubleJoining(error: unknown): string {
   if (error instanceof LinkError && error.refusal?.reason === "busy") {
-    return "The service is full: there are as many people as it takes. This page goes on trying. Whoever runs \
-the service can let in more (--people).";
+    return "The service is full: there are as many people as it takes. This page goes on trying. The service \
+can be told to let in more (--people).";
   }
   if (error instanceof LinkError && error.refusal !== undefined) {
     return `The service refuses this page: ${error.message}`;

@@ -54,7 +54,7 @@ export class Inbox<T> implements Receiver<T> {
     return this.#bytes <= maxUnread;
   }
 
-  /** Nothing comes any more. What has come can still be read, unless this side has left. */
+  /** Nothing comes any more. Messages that have come can still be read, unless this side has left. */
   end(end: LinkEnd): void {
     this.#end = end;
     if (end.why === "left") {

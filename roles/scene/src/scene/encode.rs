@@ -35,7 +35,7 @@ struct Pages {
     directory: Vec<Entry>,
 }
 
-/// The bytes of a file of these arrays, whose records are not checked yet. What is packed is dropped, so that
+/// The bytes of a file of these arrays, whose records are not checked yet. Packed parts are dropped, so that
 /// a large scene is not in memory twice.
 pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     check_counts(&arrays)?;

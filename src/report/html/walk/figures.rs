@@ -102,7 +102,7 @@ fn timeline(frames: &[Frame]) -> Markup {
     let (first, last) = timeline.range();
     let (busy, machines) = (figure(timeline.busy()), timeline.machines());
     let finding = format!("{busy} of {machines} machines are busy on average around the slowest frame");
-    let caption = format!("Frames {first} to {last}. Whoever drew the occluders of a frame culls it.");
+    let caption = format!("Frames {first} to {last}. The role that drew a frame's occluders culls it.");
     wide_card(&finding, &timeline, &caption)
 }
 
