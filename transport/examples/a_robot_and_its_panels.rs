@@ -68,21 +68,18 @@ async fn panel(net: &dyn Net, mut at: Reconnecting<Robot>, ms: u64, scans: u32) 
             assert_eq!(bulk.rx.blobs(1 << 20).whole().await?, [7; 300_000][..]);
         }
         let mut lidar = link.frames_rx.keep_last(KeepLast::default());
-        let (_tx, radar) = link.channels.frames::<Pose, Echo>("radar")?;
-        let mut radar = radar.keep_last(KeepLast::default());
-        let (_tx, mut imu) = link.channels.latest::<Motion>("imu")?;
-        let mut missed = 0;
+        let mut radar = link.channels.frames::<Pose, Echo>("radar")?.1.keep_last(KeepLast::default());
+        let mut imu = link.channels.latest::<Motion>("imu")?.1;
         for _ in 0..scans {
-            let (points, skipped) = tokio::select! {
-                scan = lidar.frame() => scan.map(|scan| (scan.end.items, scan.skipped))?,
-                scan = radar.frame() => scan.map(|scan| (scan.end.items, scan.skipped))?,
+            let points = tokio::select! {
+                scan = lidar.frame() => scan?.end.items,
+                scan = radar.frame() => scan?.end.items,
             };
-            missed += skipped.total();
             let (pose, motion) = (link.latest_rx.latest().await?, imu.latest().await?);
             assert!(matches!(points, 500 | 5000) && pose[0] >= 1.0 && motion[2] == 9.8, "{pose:?}");
             sleep_until(net, net.now().after(Duration::from_millis(ms))).await;
         }
-        Ok(missed)
+        Ok(link.stats.read().skipped.total())
     };
     at.run(talk).await
 }
