@@ -5,7 +5,7 @@
 --
 -- Connections are known by their hello, and by the ports 7400 and 7401. Of encrypted datagrams only their headers can be read; QUIC
 -- is Wireshark's own. What repair made good at the receiver is not rebuilt here, and said to be missing. Of links of other applications
--- only the hello and the kinds of messages are shown.
+-- the hello, the kinds of messages and the channels are shown: their hello has the sizes of channels, but not those of the lanes.
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
@@ -81,6 +81,15 @@ local f = {
   meant = ProtoField.uint32("trimaran.camera.frame", "Camera of frame"),
   begin = ProtoField.uint32("trimaran.begin", "Begin of frame"),
   count = ProtoField.uint32("trimaran.ids", "Ids"),
+  channel = ProtoField.string("trimaran.channel", "Channel"),
+  channel_number = ProtoField.uint8("trimaran.channel.number", "Number of the channel"),
+  channel_value = ProtoField.uint32("trimaran.channel.value_size", "Bytes of a value"),
+  channel_header = ProtoField.uint32("trimaran.channel.header_size", "Bytes of a frame's header"),
+  channel_item = ProtoField.uint32("trimaran.channel.item_size", "Bytes of an item"),
+  value = ProtoField.bytes("trimaran.channel.value", "Value"),
+  header = ProtoField.bytes("trimaran.channel.header", "Header of the frame"),
+  items = ProtoField.uint32("trimaran.channel.items", "Items"),
+  item_bytes = ProtoField.bytes("trimaran.channel.item_bytes", "Bytes of the items"),
   id = ProtoField.uint32("trimaran.id", "Id"),
   ended = ProtoField.uint32("trimaran.end", "End of frame"),
   total = ProtoField.uint32("trimaran.end.ids", "Ids of the frame"),
@@ -169,6 +178,9 @@ local u = {
     [0x50] = "more of the block follows", [0x52] = "the block ends here",
   }),
   hash = ProtoField.uint64("trimaran_udp.hash", "Hash of the frame's ids", base.HEX),
+  channel = ProtoField.uint8("trimaran_udp.channel", "Channel"),
+  value = ProtoField.uint64("trimaran_udp.value", "Number of the value"),
+  last_value = ProtoField.uint64("trimaran_udp.last_value", "Number of the last value"),
   given_up = ProtoField.uint64("trimaran_udp.given_up", "Given up: bytes of the unit"),
   sent = ProtoField.uint64("trimaran_udp.given_up.sent", "Sent of them"),
   ids = ProtoField.uint64("trimaran_udp.given_up.ids", "Ids of the frame"),
@@ -291,7 +303,10 @@ local others = {}
 -- The role that each direction of each connection has said: what blocks hold depends on it.
 local roles = {}
 
-function trimaran.init() lanes, decoded, others, roles = {}, {}, {}, {} end
+-- The channels of each connection whose hello has some, and the one that it carries itself, if it carries one.
+local channels, carried = {}, {}
+
+function trimaran.init() lanes, decoded, others, roles, channels, carried = {}, {}, {}, {}, {}, {} end
 
 -- `key` names the sender's direction.
 local function identity(r, tree, key)
@@ -561,6 +576,32 @@ local function block(r, tree, pinfo)
   return "block of " .. bytes .. " bytes" .. items .. more
 end
 
+-- A channel has a name, and the sizes of its values, or of its headers and items.
+local function read_channel(r, tree)
+  local channel = { name = add_text(tree, f.channel, r) }
+  if r.varint() == 0 then
+    channel.value = add_varint(tree, f.channel_value, r)
+  else
+    channel.header = add_varint(tree, f.channel_header, r)
+    channel.item = add_varint(tree, f.channel_item, r)
+  end
+  return channel
+end
+
+local function read_channels(r, tree)
+  local list = {}
+  for number = 1, r.varint() do list[number] = read_channel(r, tree:add("Channel " .. number - 1)) end
+  return list
+end
+
+-- Adds the lane, and gives it with the range of the number of a channel, if it is one.
+local function add_lane(r, tree)
+  local lane = add_varint(tree, f.lane, r)
+  local channel = lane == 4 and r.take(1) or nil
+  if channel then tree:add(f.channel_number, channel) end
+  return lane, channel
+end
+
 local function refusal(r, tree)
   local version = r.take(2)
   tree:add_le(f.version, version)
@@ -578,9 +619,14 @@ local function refusal(r, tree)
     add_text(tree, f.text, r)
   elseif reason == 3 or reason == 4 then
     add_wide(tree, f.session, r)
-    if reason == 3 then add_varint(tree, f.lane, r) end
+    if reason == 3 then add_lane(r, tree) end
   elseif reason == 6 then
     while r.left() > 0 do add_text(tree, f.text, r) end
+  elseif reason == 7 then
+    tree:add(f.channel_number, r.take(1))
+    for _, side in ipairs({ "The listener's channel", "The connecting peer's channel" }) do
+      if r.take(1):uint() == 1 then read_channel(r, tree:add(side)) end
+    end
   end
   return said
 end
@@ -588,6 +634,36 @@ end
 local function foreign(r, tree, said)
   if r.left() > 0 then tree:add(f.application, r.take(r.left())) end
   return said
+end
+
+local function channel_value(r, tree, channel)
+  if channel.value > 0 then tree:add(f.value, r.take(channel.value)) end
+  return "value of " .. channel.name
+end
+
+-- A message on a channel's own connection, behind its header.
+local function channel_message(r, tree, kind, channel)
+  if kind == 0x10 and channel.value then
+    return channel_value(r, tree, channel)
+  elseif kind == 0x20 and channel.item then
+    local number = r.take(4)
+    tree:add_le(f.begin, number)
+    if channel.header > 0 then tree:add(f.header, r.take(channel.header)) end
+    return "begin " .. number:le_uint() .. " of " .. channel.name
+  elseif kind == 0x21 and channel.item then
+    if r.left() % channel.item ~= 0 then error(SHORT) end
+    local count = r.left() / channel.item
+    tree:add(f.items, count):set_generated()
+    tree:add(f.item_bytes, r.take(r.left()))
+    return string.format("%d items of %s", count, channel.name)
+  elseif kind == 0x22 and channel.item then
+    local number = r.take(4)
+    tree:add_le(f.ended, number)
+    tree:add_le(f.items, r.take(4))
+    tree:add_le(f.hash, r.take(8))
+    return "end " .. number:le_uint() .. " of " .. channel.name
+  end
+  return foreign(r, tree, KINDS[kind] .. " of channel " .. channel.name)
 end
 
 -- One message, header included. Says what it is. `key` tells it from all others in the capture.
@@ -608,9 +684,12 @@ local function message(tvb, from, to, pinfo, tree, key)
     if version:le_uint() ~= VERSION then return "hello of version " .. version:le_uint() end
     local protocol = add_text(sub, f.protocol, r)
     add_wide(sub, f.session, r)
-    local at = add_varint(sub, f.lane, r)
-    local which = at == 4 and "channel " .. r.take(1):uint() or LANES[at] or "?"
+    local at, channel = add_lane(r, sub)
     add_varint(sub, f.idle_timeout, r)
+    local list = kind == 0x06 and read_channels(r, sub) or {}
+    local carries = channel and list[channel:uint() + 1]
+    channels[pair_of(pinfo)], carried[pair_of(pinfo)] = list, carries
+    local which = carries and "channel " .. carries.name or LANES[at] or "?"
     others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
     if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
     return "hello from " .. identity(r, sub, direction_of(pinfo)) .. ", " .. which
@@ -618,7 +697,9 @@ local function message(tvb, from, to, pinfo, tree, key)
     return name
   end
   if kind == 0x02 then add_varint(sub, f.idle_timeout, r) end
-  if others[pair_of(pinfo)] then
+  if carried[pair_of(pinfo)] and KINDS[kind] then
+    return channel_message(r, sub, kind, carried[pair_of(pinfo)])
+  elseif others[pair_of(pinfo)] then
     return foreign(r, sub, name .. " of " .. others[pair_of(pinfo)])
   elseif kind == 0x02 then
     return "accept from " .. identity(r, sub, direction_of(pinfo))
@@ -851,7 +932,17 @@ local function unit_part(r, tvb, tree, pinfo, unit, offset, count, ends, key)
   return table.concat(said, ", ")
 end
 
-local function chunk(r, tvb, tree, pinfo, key)
+-- A part of a frame whose items are not Trimaran's.
+local function foreign_part(r, tree, offset, count)
+  if count == 0 then return "nothing" end
+  local range = r.take(count)
+  if offset > 0 or count < HEADER + 4 or range(0, 1):uint() ~= PLAIN_FRAME then return "part of a frame" end
+  tree:add_le(f.begin, range(HEADER, 4))
+  return "begin " .. range(HEADER, 4):le_uint()
+end
+
+-- `channel`: what is known of the lane if it is not Trimaran's; nothing, unless it is a channel.
+local function chunk(r, tvb, tree, pinfo, key, channel)
   local start = r.at()
   local code = r.take(1):uint()
   if code == 0x00 then
@@ -917,9 +1008,26 @@ local function chunk(r, tvb, tree, pinfo, key)
     tree:add(u.unread_blocks, tvb(start, 1))
     return "unread blocks"
   elseif code == 0x0c then
-    -- The sizes of a channel's values are its application's, and Trimaran has no channels.
-    -- So no chunk behind this one can be read.
-    error(SHORT)
+    local number = r.take(1)
+    local known = not (channel and channel.name) and (channels[pair_of(pinfo)] or {})[number:uint() + 1]
+    if not known then error(SHORT) end
+    local sub = tree:add("Channel " .. known.name)
+    sub:add(u.channel, number)
+    local said = chunk(r, tvb, sub, pinfo, key .. "/" .. number:uint(), known)
+    sub:set_len(r.at() - start)
+    return known.name .. ": " .. (said or "pads")
+  elseif code == 0x10 and channel then
+    local number = add_wide(tree, u.value, r)
+    -- The size of the latest lane's values is the application's, and no hello has it.
+    if not channel.name then return foreign(r, tree, "value " .. number .. ", and what follows it") end
+    if not channel.value then error(SHORT) end
+    channel_value(r, tree, channel)
+    return "value " .. number
+  elseif code == 0x11 and channel then
+    local last = add_wide(tree, u.last_value, r)
+    local length = r.take(2):le_uint()
+    if length > 0 then tree:add(f.application, r.take(length)) end
+    return "last value " .. last
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)
     return "camera of frame " .. camera(r, tree)
@@ -941,7 +1049,9 @@ local function chunk(r, tvb, tree, pinfo, key)
     sub:add_le(u.bytes, length)
     if code == 0x23 then sub:add_le(u.hash, r.take(8)) end
     local ends = code >= 0x22
-    local said = unit_part(r, tvb, sub, pinfo, unit, offset, length:le_uint(), ends, key)
+    local count = length:le_uint()
+    local said = channel and foreign_part(r, sub, offset, count)
+      or unit_part(r, tvb, sub, pinfo, unit, offset, count, ends, key)
     sub:set_len(r.at() - start)
     return "unit " .. unit .. ": " .. said .. (code == 0x23 and ", end" or "")
   elseif code == 0x40 or code == 0x42 or code == 0x50 or code == 0x52 then
@@ -981,6 +1091,7 @@ local function chunk(r, tvb, tree, pinfo, key)
     if code == 0x33 then sub:add_le(u.hash, r.take(8)) end
     sub:add(u.rest, r.take(size:le_uint()))
     sub:set_len(r.at() - start)
+    if channel then return "unit " .. unit .. " repair" end
     local lacks = unseen(lane_of(pinfo), key, unit, offset, offset + length)
     if lacks == 0 then return "unit " .. unit .. " repair" end
     sub:add(u.unseen, lacks):set_generated()
@@ -996,7 +1107,7 @@ local function chunks(tvb, from, to, pinfo, tree)
   local said, index = {}, 0
   while r.left() > 0 do
     index = index + 1
-    said[#said + 1] = chunk(r, tvb, tree, pinfo, pinfo.number .. "/" .. index)
+    said[#said + 1] = chunk(r, tvb, tree, pinfo, pinfo.number .. "/" .. index, others[pair_of(pinfo)] and {})
   end
   return table.concat(said, "; ")
 end
@@ -1040,8 +1151,9 @@ local function packet(tvb, pinfo, tree)
     if size < 12 + TAG then error(SHORT) end
     if clear[pair_of(pinfo)] then
       sub:add(u.checksum, tvb(size - TAG, TAG))
-      if others[pair_of(pinfo)] then return "chunks of " .. others[pair_of(pinfo)] end
-      return guarded(sub, ue.malformed, chunks, tvb, 12, size - TAG, pinfo, sub)
+      local said = guarded(sub, ue.malformed, chunks, tvb, 12, size - TAG, pinfo, sub)
+      local other = others[pair_of(pinfo)]
+      return other and "chunks of " .. other .. ": " .. said or said
     end
     sub:add(u.sealed, tvb(12, size - 12))
     return "sealed, " .. (size - 12 - TAG) .. " bytes of chunks"

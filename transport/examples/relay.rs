@@ -31,10 +31,6 @@ impl Protocol for Walk {
     type Header = Plain<U64>; // when the frame was published at the root: nanoseconds
     type Item = u32;
     type Message = ();
-
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
 }
 
 /// Subscribers of frames. Each link is kept as long as its peer keeps it.

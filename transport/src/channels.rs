@@ -6,8 +6,8 @@ use std::fmt;
 use bytes::Bytes;
 use thiserror::Error;
 use trimaran_wire::{
-    BatchSize, Batching, Channel, CloseReason, Fixed, FixedBytes, Format, FrameMessage, FramesOf, Item,
-    LatestOf,
+    Batching, Channel, CloseReason, Fixed, FixedBytes, Format, FrameMessage, FramesOf, Item, LatestOf,
+    Protocol,
 };
 
 use crate::concurrent::try_all;
@@ -38,7 +38,7 @@ pub struct Channels {
     /// Those that were not taken out yet.
     pub(crate) open: Vec<Option<ByteChannel>>,
     pub(crate) ends: Ends,
-    pub(crate) batch: BatchSize,
+    pub(crate) batching: Batching,
     pub(crate) max_frame: u32,
     pub(crate) capabilities: Capabilities,
     /// The most messages a second.
@@ -109,11 +109,34 @@ impl Channels {
         H: Fixed + Clone + PartialEq + fmt::Debug,
         I: Item,
     {
-        match self.take(name, &Channel::frames::<H, I>("asked"))? {
+        self.take_frames(name, &Channel::frames::<H, I>("asked"))
+    }
+
+    /// Takes out the halves of the channel of frames `name` that is declared by [`Channel::frames_of`]. Its
+    /// batches are coded where those of the link are.
+    ///
+    /// # Errors
+    /// If there is none of that name and protocol, or it was taken out before.
+    pub fn frames_of<P: Protocol>(
+        &mut self,
+        name: &str,
+    ) -> Result<(FrameSender<P>, FrameReceiver<P>), ChannelError> {
+        self.take_frames(name, &Channel::frames_of::<P>("asked"))
+    }
+
+    fn take_frames<P: Protocol>(
+        &mut self,
+        name: &str,
+        asked: &Channel,
+    ) -> Result<(FrameSender<P>, FrameReceiver<P>), ChannelError> {
+        match self.take(name, asked)? {
             ByteChannel::Frames(halves) => {
                 let (tx, rx) = self.ends.wire(halves);
-                let batching = Batching { size: self.batch, coded: false };
-                let format = Format::of::<FramesOf<H, I>>();
+                let batching = Batching {
+                    size: self.batching.size,
+                    coded: self.batching.coded && asked.count_coded().is_some(),
+                };
+                let format = Format::of::<P>();
                 Ok((
                     FrameSender::new(batching, self.max_frame, self.capabilities, &format, tx),
                     FrameReceiver::new(self.max_frame, &format, rx, Messages::new(self.messages_per_s)),

@@ -7,9 +7,7 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use trimaran_transport::{
-//!     FrameEvent, FrameNumber, FrameStart, LinkConfig, Net, Protocol, TokioNet, inproc,
-//! };
+//! use trimaran_transport::{FrameEvent, FrameStart, LinkConfig, Net, Protocol, TokioNet, inproc};
 //!
 //! /// Frames of numbers, and nothing else.
 //! #[derive(Debug, Clone, PartialEq)]
@@ -22,10 +20,6 @@
 //!     type Header = ();
 //!     type Item = u32;
 //!     type Message = ();
-//!
-//!     fn name(hello: &String) -> String {
-//!         hello.clone()
-//!     }
 //! }
 //!
 //! # #[tokio::main]
@@ -33,9 +27,7 @@
 //! let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
 //! let (hellos, config) = (("a".to_owned(), "b".to_owned()), LinkConfig::default());
 //! let (mut a, mut b) = inproc::pair::<Numbers>(&net, hellos.0, hellos.1, &config)?;
-//! a.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: () }).await?;
-//! a.frames_tx.push(&[1, 2, 3]).await?;
-//! a.frames_tx.finish().await?;
+//! a.frames_tx.send(FrameStart::new(0, ()), &[1, 2, 3]).await?;
 //! let mut sum = 0;
 //! loop {
 //!     match b.frames_rx.recv().await? {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_net::{Net, until};
-use trimaran_wire::{CloseReason, Format, Protocol};
+use trimaran_wire::{Batching, CloseReason, Format, Protocol};
 
 use crate::application::whole;
 use crate::channels::Channels;
@@ -212,7 +212,8 @@ impl LinkParts {
                 declared: P::CHANNELS,
                 open: channels.into_iter().map(Some).collect(),
                 ends,
-                batch: batching.size,
+                // Nothing is coded within one process.
+                batching: Batching { coded: batching.coded && !local, ..batching },
                 max_frame,
                 capabilities,
                 messages_per_s: most,

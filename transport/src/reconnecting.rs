@@ -12,6 +12,7 @@ use crate::causes::causes;
 use crate::channels::ChannelError;
 use crate::connect::{connect, growing_pauses};
 use crate::error::{RecvError, SendError};
+use crate::lanes::blobs::BlobError;
 use crate::{ConnectError, Endpoint, Link, Options};
 use trimaran_net::{Instant, Net, sleep_until};
 
@@ -36,6 +37,9 @@ pub enum LinkError {
     /// A channel could not be taken out.
     #[error(transparent)]
     Channel(#[from] ChannelError),
+    /// A blob could not be received.
+    #[error(transparent)]
+    Blob(#[from] BlobError),
 }
 
 /// Whether there is a link.

@@ -5,12 +5,13 @@ use std::time::Duration;
 use trimaran_wire::{ChannelFormat, ChannelName, ChannelNumber, ChannelSizes, FramesOf, Refusal};
 
 use super::pairs::Pairs;
-use super::robot::Pose;
-use super::rover::{Distance, OtherRover, Rover, Ticks};
-use super::talk::{finished, patient, points, pose};
+use super::robot::{Pose, Robot};
+use super::rover::{Crawler, Distance, OtherRover, Rover, Ticks};
+use super::talk::{coded, finished, patient, points, pose, start, visible};
 use crate::{
     AttemptError, ChannelError, ConnectError, FrameEvent, FrameNumber, FrameReceiver, FrameSender,
-    FrameStart, HandshakeError, KeepLast, Link, Protocol, Publisher, RecvError, WhenBehind, sleep_until,
+    FrameStart, HandshakeError, KeepLast, Link, LinkConfig, Protocol, Publisher, RecvError, WhenBehind,
+    sleep_until,
 };
 
 type Front = FramesOf<(), u32>;
@@ -18,14 +19,21 @@ type Back = FramesOf<Ticks, Distance>;
 
 /// Two rovers; `None` for a transport without channels, which says so.
 async fn rovers(pairs: &impl Pairs) -> Option<(Link<Rover>, Link<Rover>)> {
+    joined(pairs, patient()).await
+}
+
+async fn joined<P>(pairs: &impl Pairs, config: LinkConfig) -> Option<(Link<P>, Link<P>)>
+where
+    P: Protocol<Hello = String>,
+{
     let hellos = ("here".to_owned(), "there".to_owned());
-    match pairs.join::<Rover, Rover>(hellos, patient(), Duration::from_secs(60)).await {
+    match pairs.join::<P, P>(hellos, config, Duration::from_secs(60)).await {
         Ok(pair) => Some(pair),
         Err(ConnectError::Failed {
             cause: AttemptError::Handshake { cause: HandshakeError::NoChannels { needed, most, .. }, .. },
             ..
         }) => {
-            assert_eq!((needed, most), (4, 0));
+            assert_eq!((needed, most), (P::CHANNELS.len(), 0));
             None
         }
         Err(other) => panic!("{other:?}"),
@@ -42,9 +50,7 @@ fn distances(count: u32) -> Vec<Distance> {
 }
 
 async fn send<P: Protocol>(tx: &mut FrameSender<P>, start: FrameStart<P::Header>, items: Vec<P::Item>) {
-    tx.begin(start).await.unwrap();
-    tx.push(&items).await.unwrap();
-    tx.finish().await.unwrap();
+    tx.send(start, &items).await.unwrap();
 }
 
 async fn receive<P: Protocol>(rx: &mut FrameReceiver<P>, start: FrameStart<P::Header>, items: Vec<P::Item>)
@@ -103,6 +109,35 @@ pub async fn channels_of_each_kind_carry_their_own_types(pairs: &impl Pairs) {
         }
     };
     tokio::join!(sends, receives);
+}
+
+/// Batches of a channel of another protocol are coded as that says, and those of other channels plain.
+pub async fn a_channel_is_coded_as_its_declaration_says(pairs: &impl Pairs) {
+    let Some((mut here, mut there)) = joined::<Crawler>(pairs, coded(256)).await else { return };
+    let (mut arm_tx, _rx) = here.channels.frames_of::<Robot>("arm").unwrap();
+    let (_tx, mut arm_rx) = there.channels.frames_of::<Robot>("arm").unwrap();
+    let (mut front_tx, _rx) = here.channels.frames::<(), u32>("front").unwrap();
+    let (_tx, mut front_rx) = there.channels.frames::<(), u32>("front").unwrap();
+    let (mut arm, mut front) = (0, 0);
+    for frame in 0..10 {
+        let before = here.stats.read().sent.batches.bytes;
+        send(&mut arm_tx, start(frame), visible(frame)).await;
+        receive(&mut arm_rx, start(frame), visible(frame)).await;
+        let between = here.stats.read().sent.batches.bytes;
+        send(&mut front_tx, at(frame, ()), visible(frame)).await;
+        receive(&mut front_rx, at(frame, ()), visible(frame)).await;
+        arm += between - before;
+        front += here.stats.read().sent.batches.bytes - between;
+    }
+    assert_eq!(front, 10 * 3960 * 4);
+    if pairs.overhead().coded {
+        assert!(arm < front / 5, "{arm} bytes");
+    } else {
+        assert_eq!(arm, front);
+    }
+    // Its protocol is part of its type.
+    let asked = there.channels.frames::<Pose, u32>("arm").unwrap_err();
+    assert!(asked.to_string().contains("CHANNELS declares frames_of::<"), "{asked}");
 }
 
 /// A channel that nobody reads stops its own sender, and nothing else.

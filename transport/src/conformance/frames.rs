@@ -2,10 +2,11 @@
 
 use super::pairs::{Overhead, Pairs};
 use super::robot::{Pose, Robot};
-use super::talk::{PANEL, block, command, points, pose, receive, send_frame, start};
-use super::talk::{batches_of, patient};
+use super::talk::{PANEL, block, command, points, pose, receive, send_frame, start, visible};
+use super::talk::{batches_of, coded, patient};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
+    until,
 };
 
 /// Frames of no points and of many arrive as they were sent, in any batch size, plain and coded.
@@ -33,6 +34,29 @@ pub async fn frames_of_every_size_arrive_in_order(pairs: &impl Pairs) {
         };
         tokio::join!(reader, writer);
     }
+}
+
+/// A frame of one call arrives whole, even if the call is given up. One with too many points is not begun.
+pub async fn a_whole_frame_is_sent_by_one_call(pairs: &impl Pairs) {
+    const MOST: u32 = 100_000;
+    let config = LinkConfig { max_frame: MOST, ..coded(256) };
+    let ((mut arm, mut panel), net) = (pairs.pair(config).await, pairs.net());
+    let writer = async {
+        let refused = arm.frames_tx.send(start(0), &points(MOST + 1)).await;
+        let Err(SendError::Order { cause, .. }) = refused else { panic!("{refused:?}") };
+        assert_eq!(cause, FrameOrderError::TooMany { frame: FrameNumber(0), most: MOST });
+        assert_eq!(arm.frames_tx.send(start(0), &points(MOST)).await.unwrap().items, MOST);
+        let _given_up = until(&*net, net.now(), arm.frames_tx.send(start(1), &points(MOST))).await;
+        assert_eq!(arm.frames_tx.send(start(2), &[]).await.unwrap().items, 0);
+    };
+    let reader = async {
+        for (frame, size) in [(0, MOST), (1, MOST), (2, 0)] {
+            let got = receive(&mut panel.frames_rx).await.unwrap();
+            assert_eq!((got.start, got.end.items), (start(frame), size));
+            assert!(got.points == points(size));
+        }
+    };
+    tokio::join!(writer, reader);
 }
 
 /// The batches do not depend on how points were pushed.
@@ -141,9 +165,6 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
 pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(coded(256)).await;
     // Of 4,000 points, others are hidden in each frame.
-    let visible = |frame: u32| -> Vec<u32> {
-        (0..4000).filter(|n| !(n + 3 * frame).is_multiple_of(100)).map(|n| 5 * n).collect()
-    };
     let mut first = Traffic::default();
     for frame in 0..10 {
         send_frame(&mut arm.frames_tx, frame, &visible(frame)).await.unwrap();
@@ -162,11 +183,4 @@ pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
     let received = panel.stats.read().received;
     assert_eq!(received.items, 10 * 3960);
     assert_eq!(received.batches.bytes, sent.batches.bytes + first.batches.bytes);
-}
-
-/// A link whose batches travel coded.
-fn coded(points: u32) -> LinkConfig {
-    let mut config = batches_of(points);
-    config.batching.coded = true;
-    config
 }

@@ -133,6 +133,7 @@ macro_rules! conformance_cases {
         $($make)::+ ! { $($given)*
             tasks:
                 frames_of_every_size_arrive_in_order,
+                a_whole_frame_is_sent_by_one_call,
                 batches_are_full_but_the_last,
                 flush_sends_a_part_of_a_batch,
                 the_newest_value_wins,
@@ -183,6 +184,7 @@ macro_rules! conformance_cases {
                 every_byte_is_counted,
                 frames_alike_cost_little_when_coded,
                 channels_of_each_kind_carry_their_own_types,
+                a_channel_is_coded_as_its_declaration_says,
                 a_channel_that_nobody_reads_holds_up_no_other,
                 an_open_frame_holds_up_no_other_channel,
                 a_channel_is_published_and_its_newest_frames_are_kept,

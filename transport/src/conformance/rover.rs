@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use trimaran_wire::{Channel, Fixed, Item, Protocol};
 
-use super::robot::Pose;
+use super::robot::{Pose, Robot};
 
 /// A protocol with two channels of values and two of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,6 +13,10 @@ pub struct Rover;
 /// The same but for the last channel, whose items are longer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OtherRover;
+
+/// A protocol with a channel whose batches may be coded, beside one whose batches never are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Crawler;
 
 /// A time in ticks: 8 bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,10 +38,6 @@ impl Protocol for Rover {
     type Header = ();
     type Item = u32;
     type Message = ();
-
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
 }
 
 impl Protocol for OtherRover {
@@ -48,10 +48,16 @@ impl Protocol for OtherRover {
     type Header = ();
     type Item = u32;
     type Message = ();
+}
 
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
+impl Protocol for Crawler {
+    const NAME: &'static str = "crawler/1";
+    const CHANNELS: &'static [Channel] = &[FRONT, Channel::frames_of::<Robot>("arm")];
+    type Hello = String;
+    type Latest = ();
+    type Header = ();
+    type Item = u32;
+    type Message = ();
 }
 
 impl Fixed for Ticks {

@@ -124,3 +124,15 @@ pub(super) fn batches_of(points: u32) -> LinkConfig {
     config.batching.size = BatchSize::new(points).unwrap();
     config
 }
+
+/// The same, and they travel coded.
+pub(super) fn coded(points: u32) -> LinkConfig {
+    let mut config = batches_of(points);
+    config.batching.coded = true;
+    config
+}
+
+/// Of 4,000 points, others are hidden in each frame.
+pub(super) fn visible(frame: u32) -> Vec<u32> {
+    (0..4000).filter(|n| !(n + 3 * frame).is_multiple_of(100)).map(|n| 5 * n).collect()
+}

@@ -64,6 +64,14 @@ pub struct Security {
     pub peers: Vec<KnownPeer>,
 }
 
+impl Security {
+    /// All peers have these same keys, and may have any role: for programs of one owner, or a test.
+    #[must_use]
+    pub fn shared(keys: Keys) -> Self {
+        Self { peers: vec![keys.public().clone().into()], keys }
+    }
+}
+
 /// A peer that this one knows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]

@@ -163,6 +163,18 @@ impl BlobReceiver {
         }
     }
 
+    /// Waits for the next whole blob, past those that the peer gave up. Dropping the future loses nothing.
+    ///
+    /// # Errors
+    /// As [`BlobReceiver::recv`].
+    pub async fn whole(&mut self) -> Result<Bytes, BlobError> {
+        loop {
+            if let BlobEvent::Whole(blob) = self.recv().await? {
+                return Ok(blob);
+            }
+        }
+    }
+
     /// Adds a part to a blob. Of one that is too long there is an error at its begin, and no event.
     fn take(&mut self, mut open: Open, part: &[u8]) -> Result<Option<BlobEvent>, BlobError> {
         let is_first = open.received == 0;

@@ -24,10 +24,6 @@ impl Protocol for Other {
     type Header = ();
     type Item = u32;
     type Message = String;
-
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
 }
 
 over_every_transport!(

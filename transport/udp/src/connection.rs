@@ -175,8 +175,11 @@ impl Connection {
     }
 
     /// Whether batches of frames that begin from now on may be coded.
-    pub const fn set_coded(&mut self, coded: bool) {
+    pub fn set_coded(&mut self, coded: bool) {
         self.frames.outbox.set_coded(coded);
+        for channel in &mut self.channels {
+            channel.units.outbox.set_coded(coded && channel.may_be_coded);
+        }
     }
 
     /// Agrees with the peer on another idle timeout.

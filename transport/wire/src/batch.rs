@@ -7,7 +7,8 @@ use bytes::{Bytes, BytesMut};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// An item of a frame: a value of fixed size for which every bit pattern is valid.
+/// An item of a frame: a value of fixed size for which every bit pattern is valid. Numbers and arrays of
+/// numbers are items.
 ///
 /// Both methods are called for each item of a frame: mark them `#[inline]`.
 pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
@@ -19,40 +20,6 @@ pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
 
     /// Reads an item from `bytes`, [`Item::SIZE`] of them.
     fn read(bytes: &[u8]) -> Self;
-}
-
-/// Little-endian.
-impl Item for u32 {
-    const SIZE: usize = 4;
-
-    #[inline]
-    fn write(self, out: &mut [u8]) {
-        if let Some(out) = out.first_chunk_mut() {
-            *out = self.to_le_bytes();
-        }
-    }
-
-    #[inline]
-    fn read(bytes: &[u8]) -> Self {
-        bytes.first_chunk().map_or(0, |bytes| Self::from_le_bytes(*bytes))
-    }
-}
-
-/// A byte, for items whose size is known only at run time.
-impl Item for u8 {
-    const SIZE: usize = 1;
-
-    #[inline]
-    fn write(self, out: &mut [u8]) {
-        if let Some(out) = out.first_mut() {
-            *out = self;
-        }
-    }
-
-    #[inline]
-    fn read(bytes: &[u8]) -> Self {
-        bytes.first().copied().unwrap_or_default()
-    }
 }
 
 /// The largest number of items in a batch: `b` in the paper's bandwidth formula (section 3.3), 1 to 16,384.

@@ -6,7 +6,7 @@ use std::fmt;
 use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{Fixed, Item, MAX_FIXED, Text};
+use crate::{Fixed, FramesOf, Item, MAX_FIXED, Protocol, Text};
 
 /// The most channels of a protocol.
 pub const MAX_CHANNELS: usize = 16;
@@ -44,6 +44,8 @@ pub struct Channel {
     sizes: ChannelSizes,
     types: fn() -> TypeId,
     declared: fn() -> String,
+    /// Reads the number of items that a coded batch claims, if batches may be coded.
+    count_coded: Option<fn(&[u8]) -> Option<usize>>,
 }
 
 /// The kind of a channel, and the sizes of its types in bytes.
@@ -93,17 +95,30 @@ impl Channel {
         Self::new(name, sizes, TypeId::of::<V>, declared)
     }
 
-    /// A frames lane with headers `H` and items `I`. Its name has 1 to 32 bytes; a longer one fails to
-    /// compile.
+    /// A frames lane with headers `H` and items `I`, which travel plain. Its name has 1 to 32 bytes; a longer
+    /// one fails to compile.
     #[must_use]
     pub const fn frames<H: Fixed + Clone + PartialEq + fmt::Debug, I: Item>(name: &'static str) -> Self {
-        const {
-            assert!(H::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
-            assert!(I::SIZE > 0 && I::SIZE <= 256, "an item has 1 to 256 bytes");
-        }
-        let sizes = ChannelSizes::Frames { header: H::SIZE as u16, item: I::SIZE as u16 };
         let declared = || format!("frames::<{}, {}>", type_name::<H>(), type_name::<I>());
-        Self::new(name, sizes, TypeId::of::<(H, I)>, declared)
+        Self::of::<FramesOf<H, I>>(name, declared)
+    }
+
+    /// A frames lane as `P` has it: with its header, its items and its coding. Of `P` nothing else counts.
+    /// Peers do not compare the codings: they are part of the [name](Protocol::NAME) of the protocol.
+    #[must_use]
+    pub const fn frames_of<P: Protocol>(name: &'static str) -> Self {
+        let mut channel = Self::of::<P>(name, || format!("frames_of::<{}>", type_name::<P>()));
+        channel.count_coded = Some(P::count_coded);
+        channel
+    }
+
+    const fn of<P: Protocol>(name: &'static str, declared: fn() -> String) -> Self {
+        const {
+            assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
+            assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
+        }
+        let sizes = ChannelSizes::Frames { header: P::Header::SIZE as u16, item: P::Item::SIZE as u16 };
+        Self::new(name, sizes, TypeId::of::<P>, declared)
     }
 
     const fn new(
@@ -116,7 +131,7 @@ impl Channel {
             !name.is_empty() && name.len() <= ChannelName::MAX_BYTES,
             "a channel's name has 1 to 32 bytes"
         );
-        Self { name, sizes, types, declared }
+        Self { name, sizes, types, declared, count_coded: None }
     }
 
     /// Its name.
@@ -135,6 +150,12 @@ impl Channel {
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         self.sizes == other.sizes && (self.types)() == (other.types)()
+    }
+
+    /// Reads the number of items that a coded batch claims. `None` if its batches are never coded.
+    #[must_use]
+    pub const fn count_coded(&self) -> Option<fn(&[u8]) -> Option<usize>> {
+        self.count_coded
     }
 
     /// Its kind and types as code, such as `frames::<(), u32>`.

@@ -11,6 +11,14 @@ pub struct FrameStart<H> {
     pub header: H,
 }
 
+impl<H> FrameStart<H> {
+    /// The start of the frame of this number.
+    #[must_use]
+    pub const fn new(number: u32, header: H) -> Self {
+        Self { frame: FrameNumber(number), header }
+    }
+}
+
 /// An event for a receiver of frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FrameEvent<P: Protocol> {

@@ -31,7 +31,9 @@ impl Format {
         match channel.sizes() {
             ChannelSizes::Latest { value } => Self { latest: value.into(), ..Self::default() },
             ChannelSizes::Frames { header, item } => {
-                Self { header: header.into(), item: item.into(), ..Self::default() }
+                let default = Self::default();
+                let count_coded = channel.count_coded().unwrap_or(default.count_coded);
+                Self { header: header.into(), item: item.into(), count_coded, ..default }
             }
         }
     }

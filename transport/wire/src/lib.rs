@@ -44,6 +44,7 @@ mod format;
 mod frame;
 mod kind;
 mod message;
+mod numbers;
 #[cfg(feature = "zerocopy")]
 mod plain;
 mod protocol;

@@ -51,12 +51,9 @@ use crate::{
 ///     type Header = ();
 ///     type Item = u32;
 ///     type Message = ();
-///
-///     fn name(hello: &String) -> String {
-///         hello.clone()
-///     }
 /// }
 ///
+/// assert_eq!(Robot::name(&"the crawler".to_owned()), "the crawler");
 /// assert_eq!((Format::of::<Robot>().latest, Format::of::<Robot>().begin()), (4, 4));
 /// ```
 pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
@@ -84,8 +81,11 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes, encoded by postcard.
     type Message: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
-    /// The name of the peer with `hello` in messages and logs.
-    fn name(hello: &Self::Hello) -> String;
+    /// The name of the peer with `hello` in messages and logs: by default the hello as `Debug` writes it, a
+    /// plain text without its quotes. Say another one where a hello holds a secret.
+    fn name(hello: &Self::Hello) -> String {
+        format!("{hello:?}").trim_matches('"').to_owned()
+    }
 
     /// The name of the protocol that the side with `ours` speaks: [`Protocol::NAME`], unless it is known only
     /// at run time, as in a gateway or another language.

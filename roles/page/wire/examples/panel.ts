@@ -4,7 +4,7 @@ const VECTOR = struct({ x: "f32", y: "f32", z: "f32" }); // 12 bytes, as `Point`
 
 /** The same as `impl Protocol for Robot` in Rust. */
 const ROBOT = defineProtocol({
-  name: "robot/1",
+  name: "robot/2",
   hello: record({ name: text(), map: u32 }),
   latest: VECTOR, // where the robot shall be
   header: VECTOR, // a frame begins with where it was

@@ -1,11 +1,12 @@
 /** Makes a link to a listener. */
 
 import { randomNumber, WireError } from "./bytes.ts";
+import { type Channels, channelFormat, describeChannels, type NoChannels } from "./channels.ts";
 import { type Codec, whole } from "./codec.ts";
 import { LinkError } from "./errors.ts";
-import { loadHasher } from "./frames.ts";
-import { CODE_NOT_TAKEN, LANES, type LaneName } from "./handshake.ts";
-import { type Channel, type Clock, systemClock } from "./lane.ts";
+import { loadHashers } from "./frames.ts";
+import { CODE_NOT_TAKEN, type LaneId } from "./handshake.ts";
+import { type Clock, type Connection, systemClock } from "./lane.ts";
 import { Link } from "./link.ts";
 import { meet } from "./meeting.ts";
 import { MOST_INTRODUCTION } from "./messages.ts";
@@ -29,8 +30,8 @@ export interface ConnectOptions<Hello> extends Waiting {
   readonly maxUnread?: number;
   /** Makes a WebSocket, where there is none built in. */
   readonly webSocket?: (url: string) => Socket;
-  /** Opens the connection of a lane, other than by a WebSocket. */
-  readonly open?: (url: string, lane: LaneName) => Promise<Channel>;
+  /** Opens the connection of a lane, or of the channel of this number, other than by a WebSocket. */
+  readonly open?: (url: string, lane: LaneId) => Promise<Connection>;
   /** The clock that all timeouts read. */
   readonly clock?: Clock;
   /** The number that pairs the connections, instead of a random one. */
@@ -42,32 +43,38 @@ export interface ConnectOptions<Hello> extends Waiting {
  *
  * Throws a `LinkError` if there is no link, and the signal's reason if that is aborted.
  */
-export async function connect<Hello, Value, Header, Items, Message>(
+export async function connect<Hello, Value, Header, Items, Message, C extends Channels = NoChannels>(
   url: string,
-  protocol: Protocol<Hello, Value, Header, Items, Message>,
+  protocol: Protocol<Hello, Value, Header, Items, Message, C>,
   options: ConnectOptions<Hello>,
-): Promise<Link<Hello, Value, Header, Items, Message>> {
+): Promise<Link<Hello, Value, Header, Items, Message, C>> {
   const { clock = systemClock, signal, keepFrames: keep, maxUnread = 1 << 26, webSocket } = options;
   const open = options.open ?? ((url: string) => openWebSocket(url, webSocket));
   const introduction = whole(protocol.hello).encode(options.hello);
   if (introduction.length > MOST_INTRODUCTION) {
     throw new RangeError(`a hello of ${introduction.length} bytes: it has at most ${MOST_INTRODUCTION}`);
   }
-  const hello = { application: protocol.name, session: options.session ?? randomNumber(), introduction };
+  const session = options.session ?? randomNumber();
+  const channels = describeChannels(protocol.channels);
+  const hello = { application: protocol.name, session, introduction, channels };
   signal?.throwIfAborted();
-  const hashers = [await loadHasher(), await loadHasher()] as const;
-  const lane = { format: formatOf(protocol), clock, signal };
-  const { lanes, listener } = await meet((name) => open(url, name), hello, lane);
+  // Of the frames lane, and of each channel.
+  const hashers = await Promise.all([0, ...channels].map(loadHashers));
+  const formats = {
+    lanes: formatOf(protocol),
+    channels: Object.values(protocol.channels).map(channelFormat),
+  };
+  const { listener, ...met } = await meet((lane) => open(url, lane), hello, formats, { clock, signal });
   const peer = judge(listener, protocol.hello, options);
   if (peer instanceof LinkError) {
-    for (const name of LANES) {
-      lanes[name].leave({ code: CODE_NOT_TAKEN, text: peer.message });
+    for (const lane of [...Object.values(met.lanes), ...met.channels]) {
+      lane.leave({ code: CODE_NOT_TAKEN, text: peer.message });
     }
     throw peer;
   }
   const { maxItems = 1 << 22 } = options;
   const rule = { keep, maxUnread, maxItems: typeof maxItems === "number" ? maxItems : maxItems(peer) };
-  return new Link({ protocol, peer, lanes, clock, hashers, rule });
+  return new Link({ protocol, peer, ...met, clock, hashers, rule });
 }
 
 /** The listener's hello, or why this side does not take it. */

@@ -33,6 +33,11 @@ export type Hasher = IHasher;
 /** Loads XXH3-64, which is WebAssembly. */
 export const loadHasher = createXXHash3;
 
+/** The hashers of both directions. */
+export type Hashers = readonly [receiving: Hasher, sending: Hasher];
+
+export const loadHashers = (): Promise<Hashers> => Promise.all([loadHasher(), loadHasher()]);
+
 /** The hash of all bytes since `init`. */
 export function hashOf(hasher: Hasher): bigint {
   return BigInt(`0x${hasher.digest("hex")}`);

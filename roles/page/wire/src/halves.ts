@@ -4,7 +4,7 @@ import { WireError } from "./bytes.ts";
 import { type Codec, whole } from "./codec.ts";
 import type { LinkEnd } from "./errors.ts";
 import { FrameSender, type NewFrame } from "./frameSender.ts";
-import { type Frame, FrameAssembler, type FrameProtocol, type Hasher } from "./frames.ts";
+import { type Frame, FrameAssembler, type FrameProtocol, type Hashers } from "./frames.ts";
 import { Inbox, type Rule } from "./inbox.ts";
 import type { Clock, Lane } from "./lane.ts";
 import type { FramesLane, LatestLane, MessagesLane } from "./lanes.ts";
@@ -59,7 +59,7 @@ export class Frames<Header, Items>
     lane: Lane,
     clock: Clock,
     protocol: FrameProtocol<Header, Items>,
-    hashers: readonly [receiving: Hasher, sending: Hasher],
+    hashers: Hashers,
     rule: Rule & { readonly maxItems: number },
   ) {
     super(rule);

@@ -1,7 +1,23 @@
 /** The handshake and the end of a link: hello, accept, refuse and close. */
 
 import { Reader, shownText, WireError, Writer } from "./bytes.ts";
-import { type Of, option, record, rest, tagged, text, u8, u16, u32, u64, variant, whole } from "./codec.ts";
+import {
+  type Codec,
+  checked,
+  list,
+  type Of,
+  option,
+  record,
+  rest,
+  tagged,
+  text,
+  u8,
+  u16,
+  u32,
+  u64,
+  variant,
+  whole,
+} from "./codec.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
 export const WIRE_VERSION = 4;
@@ -13,6 +29,9 @@ export const CODE_NOT_TAKEN = 65_535;
 export const LANES = ["latest", "frames", "messages", "bulk"] as const;
 
 export type LaneName = (typeof LANES)[number];
+
+/** A lane, or the number of a channel. */
+export type LaneId = LaneName | number;
 
 /** A value for each lane. */
 export function perLane<T>(of: (lane: LaneName) => T): Readonly<Record<LaneName, T>> {
@@ -26,22 +45,51 @@ const MAGIC = new Uint8Array([0x54, 0x52, 0x49, 0x4d]);
 const NAME = text(32);
 /** A text for people. */
 const TEXT = text(200);
-const LANE = variant(LANES);
+const LANE_OR_CHANNEL = variant([...LANES, "channel"]);
+const LANE: Codec<LaneId> = {
+  read(reader) {
+    const lane = LANE_OR_CHANNEL.read(reader);
+    return lane === "channel" ? reader.u8() : lane;
+  },
+  write(writer, lane) {
+    LANE_OR_CHANNEL.write(writer, typeof lane === "number" ? "channel" : lane);
+    if (typeof lane === "number") {
+      writer.u8(lane);
+    }
+  },
+};
 
-/** The first message of each connection, behind the magic number and the version. */
-const HELLO = record({
+const CHANNEL = record({
+  name: NAME,
+  sizes: tagged("kind", { latest: { value: u16 }, frames: { header: u16, item: u16 } }),
+});
+
+/** A channel of a peer: its name, and the sizes of its data. */
+export type ChannelFormat = Of<typeof CHANNEL>;
+
+/** The first message of each connection begins so, behind the magic number and the version. */
+const OPENING = {
   /** The name of the application's protocol, with its version. */
   application: NAME,
-  /** The random number that the four connections of a link share. */
+  /** The random number that the connections of a link share. */
   session: u64,
   lane: LANE,
   /** After so much silence the peer counts as lost, milliseconds. */
   idleTimeout: u32,
-  /** The application's own hello. */
+};
+
+/** The hello of a protocol without channels. It ends with the application's own. */
+const HELLO = record({ ...OPENING, introduction: rest });
+
+export type Hello = Of<typeof HELLO>;
+
+const CHANNELS_HELLO = record({
+  ...OPENING,
+  channels: checked(list(CHANNEL, 16, "channels"), ({ length }) => (length > 0 ? undefined : "no channels")),
   introduction: rest,
 });
 
-export type Hello = Of<typeof HELLO>;
+export type ChannelsHello = Of<typeof CHANNELS_HELLO>;
 
 /** The answer to a hello. */
 const ACCEPT = record({
@@ -54,12 +102,6 @@ const ACCEPT = record({
 export type Accept = Of<typeof ACCEPT>;
 
 export const { encode: encodeAccept, decode: decodeAccept } = whole(ACCEPT);
-
-/** A channel of a listener; this package has none. */
-const CHANNEL = record({
-  name: NAME,
-  sizes: tagged("kind", { latest: { value: u16 }, frames: { header: u16, item: u16 } }),
-});
 
 /** Why a hello was refused, with both sides' values; in the order of their numbers. */
 const REFUSAL = tagged("reason", {
@@ -83,14 +125,20 @@ export type Close = Of<typeof CLOSE>;
 export const { encode: encodeClose, decode: decodeClose } = whole(CLOSE);
 
 /** The payload of a hello. */
-export function encodeHello(hello: Hello): Uint8Array<ArrayBuffer> {
+export const encodeHello = (hello: Hello) => encodeOpening(HELLO, hello);
+export const encodeChannelsHello = (hello: ChannelsHello) => encodeOpening(CHANNELS_HELLO, hello);
+
+/** Reads the payload of a hello. Of another version only the version is read. */
+export const decodeHello = (payload: Uint8Array) => decodeOpening(HELLO, payload);
+export const decodeChannelsHello = (payload: Uint8Array) => decodeOpening(CHANNELS_HELLO, payload);
+
+function encodeOpening<T>(codec: Codec<T>, hello: T): Uint8Array<ArrayBuffer> {
   const writer = new Writer().bytes(MAGIC).u16(WIRE_VERSION);
-  HELLO.write(writer, hello);
+  codec.write(writer, hello);
   return writer.take();
 }
 
-/** Reads the payload of a hello. Of another version only the version is read. */
-export function decodeHello(payload: Uint8Array): Hello {
+function decodeOpening<T>(codec: Codec<T>, payload: Uint8Array): T {
   const reader = new Reader(payload);
   if (!reader.bytes(MAGIC.length).every((byte, at) => byte === MAGIC[at])) {
     throw new WireError("the hello does not start with the magic number: this is not a Trimaran peer");
@@ -99,7 +147,7 @@ export function decodeHello(payload: Uint8Array): Hello {
   if (version !== WIRE_VERSION) {
     throw new WireError(`the peer speaks version ${version} of the wire, this one version ${WIRE_VERSION}`);
   }
-  return HELLO.read(reader);
+  return codec.read(reader);
 }
 
 /** The payload of a refuse of this version. */
@@ -134,7 +182,7 @@ ${shownText(refusal.connector)}: ${release}`;
     case "not taken":
       return shownText(refusal.text);
     case "lane":
-      return `the ${refusal.lane} lane came twice or from a peer that calls itself something else`;
+      return `the ${titleOf(refusal.lane)} came twice or from a peer that calls itself something else`;
     case "unpaired":
       return "another lane of the link did not come in time";
     case "busy":
@@ -143,7 +191,23 @@ ${shownText(refusal.connector)}: ${release}`;
       return `this side claims to be ${shownText(refusal.claimed)}, and the listener knows its key as \
 that of ${shownText(refusal.known)}`;
     case "channels":
-      return `the listener has a channel ${shownText(refusal.listener?.name ?? "")}, and this package has no \
-channels: connect from a program, or let the listener offer a protocol without them`;
+      return `channel ${refusal.number} of the listener is ${shownChannel(refusal.listener)}, that of this \
+side ${shownChannel(refusal.connector)}: ${release}`;
   }
+}
+
+/** A lane or channel in texts for people: `frames lane`. */
+export function titleOf(lane: LaneId): string {
+  return typeof lane === "number" ? `channel ${lane}` : `${lane} lane`;
+}
+
+function shownChannel(channel: ChannelFormat | undefined): string {
+  if (channel === undefined) {
+    return "missing";
+  }
+  const { sizes } = channel;
+  const name = `\`${shownText(channel.name)}\``;
+  return sizes.kind === "latest"
+    ? `${name} of values of ${sizes.value} bytes`
+    : `${name} of frames with headers of ${sizes.header} and items of ${sizes.item} bytes`;
 }

@@ -1,6 +1,7 @@
 /** Links to programs that use the Rust crate trimaran-transport, over WebSockets. */
 
 export { Reader, randomNumber, shownText, WireError, Writer } from "./bytes.ts";
+export type { Channel, ChannelLanes, Channels, FrameChannel, NoChannels, ValueChannel } from "./channels.ts";
 export {
   bool,
   bytes,
@@ -45,10 +46,10 @@ export {
 } from "./fixed.ts";
 export type { NewFrame } from "./frameSender.ts";
 export type { BatchDecoder, Frame } from "./frames.ts";
-export { type Close, type LaneName, perLane, type Refusal, WIRE_VERSION } from "./handshake.ts";
+export { type Close, type LaneId, type LaneName, perLane, type Refusal, WIRE_VERSION } from "./handshake.ts";
 export type { Receiver } from "./inbox.ts";
 export { type Items, itemsOf, typedItems } from "./items.ts";
-export type { Channel, Clock } from "./lane.ts";
+export type { Clock, Connection } from "./lane.ts";
 export type { FramesLane, LatestLane, MessagesLane } from "./lanes.ts";
 export type { Bytes, Link, LinkOf } from "./link.ts";
 export { MOST_BLOCK, MOST_ITEMS, MOST_MESSAGE } from "./messages.ts";

@@ -1,11 +1,11 @@
-/** One lane of a link, over a connection of its own. */
+/** One lane or channel of a link, over a connection of its own. */
 
 import { WireError } from "./bytes.ts";
-import { type Close, decodeClose, encodeClose, type LaneName } from "./handshake.ts";
+import { type Close, decodeClose, encodeClose } from "./handshake.ts";
 import { encodeMessage, type Format, Kind, type Message, MessageStream } from "./messages.ts";
 
 /** A connection that carries bytes both ways, in order. */
-export interface Channel {
+export interface Connection {
   send(bytes: Uint8Array<ArrayBuffer>): void;
   /** How many bytes wait to be sent. */
   buffered(): number;
@@ -46,13 +46,14 @@ const KEEP_ALIVES = 4;
 
 /** Sends and receives messages, keeps the connection alive, and detects when the peer is gone. */
 export class Lane {
-  readonly name: LaneName;
+  /** The lane in texts for people: `frames lane`. */
+  readonly title: string;
   /** Bytes carried, headers included. */
   readonly bytes = { sent: 0, received: 0 };
   /** Called once, but not if this side leaves. */
   onEnd: ((end: LaneEnd) => void) | undefined;
 
-  readonly #channel: Channel;
+  readonly #connection: Connection;
   readonly #options: LaneOptions;
   readonly #stream: MessageStream;
   #listener: ((message: Message) => void) | undefined;
@@ -60,17 +61,17 @@ export class Lane {
   #lastSent: number;
   #lastReceived: number;
   readonly #timers = [() => {}, () => {}];
-  #channelEnd: string | undefined;
+  #connectionEnd: string | undefined;
   isOver = false;
 
-  constructor(name: LaneName, channel: Channel, options: LaneOptions) {
-    [this.name, this.#channel, this.#options] = [name, channel, options];
+  constructor(title: string, connection: Connection, options: LaneOptions) {
+    [this.title, this.#connection, this.#options] = [title, connection, options];
     this.#stream = new MessageStream(options.format);
     this.#lastSent = options.clock.now();
     this.#lastReceived = this.#lastSent;
-    channel.onBytes = (bytes) => this.#receive(bytes);
-    channel.onEnd = (why) => {
-      this.#channelEnd = why;
+    connection.onBytes = (bytes) => this.#receive(bytes);
+    connection.onEnd = (why) => {
+      this.#connectionEnd = why;
       this.#deliver();
     };
     this.#keepAlive();
@@ -86,7 +87,7 @@ export class Lane {
 
   /** How many bytes wait to be sent. */
   buffered(): number {
-    return this.#channel.buffered();
+    return this.#connection.buffered();
   }
 
   /** Delivers messages from now on. Without a listener they wait, and so does the end of the lane. */
@@ -102,7 +103,7 @@ export class Lane {
     const bytes = encodeMessage(kind, payload, this.#options.format);
     this.#lastSent = this.#options.clock.now();
     this.bytes.sent += bytes.length;
-    this.#channel.send(bytes);
+    this.#connection.send(bytes);
   }
 
   /** Sends the reason of the close, if any, and ends the connection. */
@@ -135,10 +136,10 @@ export class Lane {
       if (!(error instanceof WireError)) {
         throw error;
       }
-      this.#end({ why: "violation", text: `on the ${this.name} lane: ${error.message}` });
+      this.#end({ why: "violation", text: `on the ${this.title}: ${error.message}` });
     }
-    if (this.#listener !== undefined && this.#channelEnd !== undefined) {
-      this.#end({ why: "lost", text: `the ${this.name} lane ended: ${this.#channelEnd}` });
+    if (this.#listener !== undefined && this.#connectionEnd !== undefined) {
+      this.#end({ why: "lost", text: `the ${this.title} ended: ${this.#connectionEnd}` });
     }
   }
 
@@ -161,7 +162,7 @@ export class Lane {
   #watch(): void {
     const idleTimeout = this.#idleTimeout;
     if (this.#options.clock.now() - this.#lastReceived >= idleTimeout) {
-      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${idleTimeout / 1000} s` });
+      this.#end({ why: "lost", text: `nothing came on the ${this.title} for ${idleTimeout / 1000} s` });
     } else {
       this.#again(1, this.#lastReceived + idleTimeout, () => this.#watch());
     }
@@ -187,9 +188,9 @@ export class Lane {
       for (const callOff of this.#timers) {
         callOff();
       }
-      this.#channel.onBytes = undefined;
-      this.#channel.onEnd = undefined;
-      this.#channel.close();
+      this.#connection.onBytes = undefined;
+      this.#connection.onEnd = undefined;
+      this.#connection.close();
     }
   }
 }

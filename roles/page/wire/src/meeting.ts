@@ -1,64 +1,79 @@
-/** The handshake of a link's four lanes: each sends a hello, and waits for an answer. */
+/** The handshake of a link's lanes and channels: each sends a hello, and waits for an answer. */
 
 import { WireError } from "./bytes.ts";
 import { errorOfEnd, LinkError } from "./errors.ts";
 import {
+  type ChannelFormat,
   decodeAccept,
   decodeRefuse,
   describeRefusal,
+  encodeChannelsHello,
   encodeHello,
   type Hello,
   LANES,
+  type LaneId,
   type LaneName,
+  titleOf,
 } from "./handshake.ts";
-import { type Channel, IDLE_TIMEOUT, Lane, type LaneOptions } from "./lane.ts";
-import { Kind, type Message, nameOfKind } from "./messages.ts";
+import { type Connection, IDLE_TIMEOUT, Lane, type LaneOptions } from "./lane.ts";
+import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
 import { Waiter, type Waiting } from "./waiter.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
 
 /** A hello but for what each lane says alike or by itself. */
-type Introduction = Omit<Hello, "lane" | "idleTimeout">;
+type Introduction = Omit<Hello, "lane" | "idleTimeout"> & { readonly channels: readonly ChannelFormat[] };
+
+/** The sizes of a protocol's data, and those of its channels. */
+export interface Formats {
+  readonly lanes: Format;
+  readonly channels: readonly Format[];
+}
 
 /** The lanes of a link, and the listener's introduction. */
 export interface Meeting {
   readonly lanes: Lanes;
+  readonly channels: readonly Lane[];
   readonly listener: Uint8Array;
 }
 
 /**
- * Opens four lanes and sends hellos. If one fails, all are closed and a `LinkError` is thrown; if it
+ * Opens the lanes and channels and sends hellos. If one fails, all are closed and a `LinkError` is thrown; if it
  * is aborted, the signal's reason.
  *
  * Messages after a lane's answer wait there.
  */
 export async function meet(
-  open: (lane: LaneName) => Promise<Channel>,
+  open: (lane: LaneId) => Promise<Connection>,
   hello: Introduction,
-  options: LaneOptions & Waiting,
+  formats: Formats,
+  options: Omit<LaneOptions, "format"> & Waiting,
 ): Promise<Meeting> {
   const opened: Lane[] = [];
   let isGivenUp = false;
-  const greetOn = async (name: LaneName) => {
-    const channel = await open(name);
+  const greetOn = async (id: LaneId, title: string, format: Format) => {
+    const connection = await open(id);
     if (isGivenUp) {
-      channel.close();
+      connection.close();
       throw new LinkError("unreachable", "another lane failed");
     }
-    const lane = new Lane(name, channel, options);
+    const lane = new Lane(title, connection, { ...options, format });
     opened.push(lane);
-    return greet(lane, hello);
+    return greet(lane, id, hello);
   };
   try {
-    const answers = Promise.all(LANES.map(greetOn));
-    const [latest, frames, messages, bulk] = (await inTime(answers, options)) as [Met, Met, Met, Met];
+    const answers = Promise.all([
+      ...LANES.map((name) => greetOn(name, titleOf(name), formats.lanes)),
+      ...formats.channels.map((format, at) => greetOn(at, `channel ${hello.channels[at]?.name}`, format)),
+    ]);
+    const [latest, frames, messages, bulk, ...channels] = (await inTime(answers, options)) as AllMet;
     const { listener } = latest;
-    if (![frames, messages, bulk].every((other) => sameBytes(other.listener, listener))) {
+    if (![frames, messages, bulk, ...channels].every((other) => sameBytes(other.listener, listener))) {
       const text = "the lanes were answered by listeners that call themselves differently";
       throw new LinkError("violation", text);
     }
     const lanes = { latest: latest.lane, frames: frames.lane, messages: messages.lane, bulk: bulk.lane };
-    return { lanes, listener };
+    return { lanes, channels: channels.map(({ lane }) => lane), listener };
   } catch (error) {
     isGivenUp = true;
     for (const lane of opened) {
@@ -78,8 +93,10 @@ interface Met {
   readonly listener: Uint8Array;
 }
 
+type AllMet = [Met, Met, Met, Met, ...Met[]];
+
 /** Sends a hello on a lane and waits for the answer. */
-function greet(lane: Lane, hello: Introduction): Promise<Met> {
+function greet(lane: Lane, id: LaneId, { channels, ...hello }: Introduction): Promise<Met> {
   return new Promise((resolve, reject) => {
     lane.onEnd = (end) => reject(errorOfEnd(end));
     lane.listen(({ kind, payload }: Message) => {
@@ -96,12 +113,20 @@ function greet(lane: Lane, hello: Introduction): Promise<Met> {
         throw new WireError(`a ${nameOfKind(kind)} came instead of an answer to hello`);
       }
     });
-    lane.send(Kind.hello, encodeHello({ ...hello, lane: lane.name, idleTimeout: IDLE_TIMEOUT }));
+    const opening = { ...hello, lane: id, idleTimeout: IDLE_TIMEOUT };
+    if (channels.length === 0) {
+      lane.send(Kind.hello, encodeHello(opening));
+    } else {
+      lane.send(Kind.channelsHello, encodeChannelsHello({ ...opening, channels }));
+    }
   });
 }
 
 /** The answers, unless they exceed the idle timeout or are aborted. */
-async function inTime<T>(answers: Promise<T>, { clock, signal }: LaneOptions & Waiting): Promise<T> {
+async function inTime<T>(
+  answers: Promise<T>,
+  { clock, signal }: Pick<LaneOptions, "clock"> & Waiting,
+): Promise<T> {
   const giveUp = new Waiter<T>(new Set(), { signal });
   const late = () => giveUp.reject(new LinkError("timeout", "the listener did not answer in time"));
   const callOff = clock.after(IDLE_TIMEOUT, late);

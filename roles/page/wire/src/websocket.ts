@@ -4,7 +4,7 @@
  * They are sent in binary messages, whose boundaries have no meaning.
  */
 
-import type { Channel } from "./lane.ts";
+import type { Connection } from "./lane.ts";
 
 /** The most bytes of a binary message. */
 export const MOST_PER_MESSAGE = 65_536;
@@ -25,11 +25,11 @@ export interface Socket {
 export function openWebSocket(
   url: string,
   make: (url: string) => Socket = (url) => new WebSocket(url) as Socket,
-): Promise<Channel> {
+): Promise<Connection> {
   return new Promise((resolve, reject) => {
     const socket = make(url);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => resolve(new WebSocketChannel(socket));
+    socket.onopen = () => resolve(new WebSocketConnection(socket));
     // The query may hold a secret.
     const [where] = url.split(/[?#]/);
     // Browsers say nothing here, and the end follows. Node says why, and its first WebSocket nothing more.
@@ -43,7 +43,7 @@ export function openWebSocket(
   });
 }
 
-class WebSocketChannel implements Channel {
+class WebSocketConnection implements Connection {
   onBytes: ((bytes: Uint8Array) => void) | undefined;
   onEnd: ((why: string) => void) | undefined;
   readonly #socket: Socket;

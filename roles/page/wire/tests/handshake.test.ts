@@ -15,7 +15,7 @@ import {
 } from "../src/handshake.ts";
 import { Kind } from "../src/messages.ts";
 import { acceptOf, encodeCommand, encodeHelloOf, opened, Robot, THEM, US } from "./robot.ts";
-import { FakeChannel, settled } from "./support.ts";
+import { FakeConnection, settled } from "./support.ts";
 
 const errorOf = (promise: Promise<unknown>): Promise<unknown> =>
   promise.then(
@@ -80,7 +80,7 @@ test("a listener that does not answer, answers otherwise, or is gone makes no li
   const cases: [LinkErrorCode, (robot: Robot) => void, RegExp][] = [
     ["timeout", (robot) => robot.clock.pass(20_000), /did not answer in time/],
     ["violation", (robot) => robot.say("bulk", Kind.block), /block came instead of an answer/],
-    ["lost", (robot) => robot.channel("frames").onEnd?.("reset"), /frames lane ended: reset/],
+    ["lost", (robot) => robot.connection("frames").onEnd?.("reset"), /frames lane ended: reset/],
     [
       "violation",
       (robot) => {
@@ -106,7 +106,7 @@ test("a listener that does not answer, answers otherwise, or is gone makes no li
 
 test("a connection that opens after another failed is closed", async () => {
   const robot = new Robot();
-  let openLate = (_: FakeChannel) => {};
+  let openLate = (_: FakeConnection) => {};
   const open = robot.open.bind(robot);
   const cause = new Error("no route");
   robot.open = (lane) => {
@@ -118,7 +118,7 @@ test("a connection that opens after another failed is closed", async () => {
   const error = await errorOf(robot.connect());
   assert(error instanceof LinkError);
   assert.deepEqual([error.code, error.message, error.cause], ["unreachable", "no route", cause]);
-  const late = new FakeChannel();
+  const late = new FakeConnection();
   openLate(late);
   await settled();
   assert(robot.areAllClosed && late.isClosed && late.sent.length === 0);
@@ -163,7 +163,7 @@ test("an attempt that is aborted ends with the signal's reason, and leaves nothi
   assert.equal(robot.clock.waiting, 0);
   const later = new Robot();
   assert.equal(await errorOf(later.connect({ signal: giveUp.signal })), reason);
-  assert.equal(later.channels.size, 0, "no connection is opened");
+  assert.equal(later.connections.size, 0, "no connection is opened");
 });
 
 test("a hello that does not fit is an error of the caller", async () => {

@@ -88,19 +88,19 @@ test("an incomplete frame is not received", async () => {
 test("only the newest value is sent once there is room again", async () => {
   const { robot, link } = await linked();
   const value = (x: number) => ({ x, y: 0, z: 0 });
-  const channel = robot.channel("latest");
+  const connection = robot.connection("latest");
   const sent = () =>
     robot.heard("latest").map(({ payload }) => new DataView(payload.buffer).getFloat32(0, true));
-  channel.waiting = 4096;
+  connection.waiting = 4096;
   link.latest.publish(value(1));
   assert.deepEqual(sent(), [1], "a few KiB are no reason to wait");
-  channel.waiting = 4097;
+  connection.waiting = 4097;
   for (const number of range(2, 6)) {
     link.latest.publish(value(number));
   }
   robot.clock.pass(100);
   assert.deepEqual(sent(), []);
-  channel.waiting = 0;
+  connection.waiting = 0;
   robot.clock.pass(4);
   assert.deepEqual(sent(), [5]);
   link.latest.publish(value(6));
@@ -159,7 +159,7 @@ test("a peer that is silent for twenty seconds on a lane is lost, and a keep-ali
 test("this side leaves with a close on each lane, and nothing is sent or read any more", async () => {
   const { robot, link } = await linked();
   robot.say("messages", Kind.message, STOP);
-  robot.channel("latest").waiting = 4097;
+  robot.connection("latest").waiting = 4097;
   link.latest.publish(HERE);
   link.close(1, "it was interrupted");
   assert.equal(robot.clock.waiting, 0, "no value waits");
@@ -188,7 +188,7 @@ test("a peer that leaves is heard to the end on all lanes", async () => {
   robot.say("latest", Kind.close, close);
   robot.say("messages", Kind.message, STOP);
   robot.say("messages", Kind.close, close);
-  robot.channel("frames").onEnd?.("gone");
+  robot.connection("frames").onEnd?.("gone");
   assert.equal(link.isOver, false);
   robot.say("bulk", Kind.close, close);
   assert.deepEqual(await link.closed, { why: "closed", code: 0, text: "the shift is over" });
@@ -214,7 +214,7 @@ test("a peer that leaves on one lane alone has left two seconds later", async ()
 test("a peer that breaks the protocol is let go at once", async () => {
   const cases: [(robot: Robot) => void, string][] = [
     [
-      ({ channels }) => channels.get("bulk")?.onBytes?.(Uint8Array.of(0x40, 1, 0x40, 0)),
+      ({ connections }) => connections.get("bulk")?.onBytes?.(Uint8Array.of(0x40, 1, 0x40, 0)),
       "on the bulk lane: a block cannot have 16385 bytes, only 0 to 16384",
     ],
     [
@@ -250,7 +250,7 @@ test("a peer that breaks the protocol is let go at once", async () => {
 test("a lane that ends without a close is a lost peer, and what came before is read", async () => {
   const { robot, link } = await linked();
   robot.say("messages", Kind.message, STOP);
-  robot.channel("messages").onEnd?.("reset");
+  robot.connection("messages").onEnd?.("reset");
   assert.deepEqual(await link.closed, { why: "lost", text: "the messages lane ended: reset" });
   assert.deepEqual(await readAll(link.messages), [{ command: "Stop" }, "lost"]);
 });

@@ -35,7 +35,7 @@ server.on("connection", (socket) => {
     for (const { kind, payload } of takeAll(stream)) {
       if (lane === undefined) {
         assert.equal(kind, Kind.hello);
-        lane = decodeHello(payload).lane;
+        lane = decodeHello(payload).lane as LaneName;
         lanes.set(lane, (kind, payload) => socket.send(encodeMessage(kind, payload, FORMAT)));
         acceptAll();
       } else {
@@ -108,9 +108,9 @@ test("a WebSocket of another implementation may be given, and one that fails say
   });
 });
 
-test("the README shows the example as it runs", () => {
-  const [readme, example] = ["README.md", "examples/panel.ts"].map((name) =>
-    readFileSync(fileOf(`roles/page/wire/${name}`), "utf8"),
-  );
-  assert(readme?.includes(`\`\`\`ts\n${example}\`\`\`\n`), "README.md and examples/panel.ts differ");
+test("the README shows the examples as they run", () => {
+  const read = (name: string) => readFileSync(fileOf(`roles/page/wire/${name}`), "utf8");
+  for (const name of ["examples/panel.ts", "examples/sensors.ts"]) {
+    assert(read("README.md").includes(`\`\`\`ts\n${read(name)}\`\`\`\n`), `README.md and ${name} differ`);
+  }
 });

@@ -4,11 +4,11 @@ import assert from "node:assert/strict";
 import { type Of, record, tagged, text, u32, whole } from "../src/codec.ts";
 import { type ConnectOptions, connect } from "../src/connect.ts";
 import { struct } from "../src/fixed.ts";
-import { encodeAccept, LANES, type LaneName } from "../src/handshake.ts";
+import { encodeAccept, LANES, type LaneId } from "../src/handshake.ts";
 import { itemsOf } from "../src/items.ts";
-import { encodeMessage, Kind, type Message, MessageStream } from "../src/messages.ts";
+import { encodeMessage, type Format, Kind, type Message, MessageStream } from "../src/messages.ts";
 import { defineProtocol, formatOf } from "../src/protocol.ts";
-import { FakeChannel, FakeClock, settled, takeAll } from "./support.ts";
+import { FakeClock, FakeConnection, settled, takeAll } from "./support.ts";
 
 export const POINT = struct({ x: "f32", y: "f32", z: "f32" });
 
@@ -39,33 +39,38 @@ const FORMAT = formatOf(ROBOT);
 /** A listener. The test says what it does. */
 export class Robot {
   readonly clock = new FakeClock();
-  readonly channels = new Map<LaneName, FakeChannel>();
+  readonly connections = new Map<LaneId, FakeConnection>();
+  readonly #formatOf: (lane: LaneId) => Format;
+
+  constructor(formatOf: (lane: LaneId) => Format = () => FORMAT) {
+    this.#formatOf = formatOf;
+  }
 
   connect(options: Partial<ConnectOptions<Hello>> = {}) {
-    const fakes = { session: 5n, clock: this.clock, open: (_: string, lane: LaneName) => this.open(lane) };
+    const fakes = { session: 5n, clock: this.clock, open: (_: string, lane: LaneId) => this.open(lane) };
     return connect("ws://two:7400", ROBOT, { hello: US, ...fakes, ...options });
   }
 
-  async open(lane: LaneName): Promise<FakeChannel> {
-    const channel = new FakeChannel();
-    this.channels.set(lane, channel);
-    return channel;
+  async open(lane: LaneId): Promise<FakeConnection> {
+    const connection = new FakeConnection();
+    this.connections.set(lane, connection);
+    return connection;
   }
 
-  channel(lane: LaneName): FakeChannel {
-    const channel = this.channels.get(lane);
-    assert(channel !== undefined, `the ${lane} lane is not open`);
-    return channel;
+  connection(lane: LaneId): FakeConnection {
+    const connection = this.connections.get(lane);
+    assert(connection !== undefined, `the lane ${lane} is not open`);
+    return connection;
   }
 
-  say(lane: LaneName, kind: Kind, payload: Uint8Array = NOTHING): void {
-    this.channel(lane).onBytes?.(encodeMessage(kind, payload, FORMAT));
+  say(lane: LaneId, kind: Kind, payload: Uint8Array = NOTHING): void {
+    this.connection(lane).onBytes?.(encodeMessage(kind, payload, this.#formatOf(lane)));
   }
 
   /** The messages on a lane since the last call. */
-  heard(lane: LaneName): Message[] {
-    const stream = new MessageStream(FORMAT);
-    for (const bytes of this.channel(lane).sent.splice(0)) {
+  heard(lane: LaneId): Message[] {
+    const stream = new MessageStream(this.#formatOf(lane));
+    for (const bytes of this.connection(lane).sent.splice(0)) {
       stream.push(bytes);
     }
     const messages = takeAll(stream);
@@ -75,14 +80,14 @@ export class Robot {
 
   /** Accepts the peer on all lanes. */
   accept(idleTimeout?: number): void {
-    for (const lane of LANES) {
+    for (const lane of this.connections.keys()) {
       this.heard(lane);
       this.say(lane, Kind.accept, acceptOf(THEM, idleTimeout));
     }
   }
 
   get areAllClosed(): boolean {
-    return [...this.channels.values()].every(({ isClosed }) => isClosed);
+    return [...this.connections.values()].every(({ isClosed }) => isClosed);
   }
 }
 
@@ -96,8 +101,8 @@ export async function linked(options: Partial<ConnectOptions<Hello>> = {}) {
 }
 
 /** Waits until the listener has a hello on each lane. */
-export async function opened({ channels }: Robot): Promise<void> {
-  while (channels.size < LANES.length) {
+export async function opened({ connections }: Robot): Promise<void> {
+  while (connections.size < LANES.length) {
     await settled();
   }
   await settled();

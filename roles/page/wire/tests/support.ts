@@ -5,7 +5,7 @@ import { dirname, join } from "node:path";
 
 import { Writer } from "../src/bytes.ts";
 import { hashOf, loadHasher } from "../src/frames.ts";
-import type { Channel, Clock } from "../src/lane.ts";
+import type { Clock, Connection } from "../src/lane.ts";
 import type { Message, MessageStream } from "../src/messages.ts";
 
 /** The examples of a page by name: fenced blocks `hex NAME`, with a comment behind a `#` in any line. */
@@ -111,7 +111,7 @@ export class FakeClock implements Clock {
 }
 
 /** A connection with the test as other end. */
-export class FakeChannel implements Channel {
+export class FakeConnection implements Connection {
   onBytes: ((bytes: Uint8Array) => void) | undefined;
   onEnd: ((why: string) => void) | undefined;
   sent: Uint8Array[] = [];

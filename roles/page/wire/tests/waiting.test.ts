@@ -106,10 +106,10 @@ test("a link whose reader leaves too much unread ends, and says so", async () =>
 
 test("a sender waits until its lane has room", async () => {
   const { robot, link } = await linked();
-  const channel = robot.channel("bulk");
-  channel.waiting = 262_144;
+  const connection = robot.connection("bulk");
+  connection.waiting = 262_144;
   await link.bulk.send(Uint8Array.of(1));
-  channel.waiting = 262_145;
+  connection.waiting = 262_145;
   const sent = link.bulk.send(Uint8Array.of(2));
   assert.equal(robot.heard("bulk").length, 2, "it is queued at once");
   robot.clock.pass(100);
@@ -118,10 +118,10 @@ test("a sender waits until its lane has room", async () => {
   const given = link.bulk.send(Uint8Array.of(3), { signal: giveUp.signal });
   giveUp.abort(new Error("no time"));
   await assert.rejects(given, new Error("no time"));
-  channel.waiting = 0;
+  connection.waiting = 0;
   robot.clock.pass(4);
   await sent;
-  channel.waiting = 262_145;
+  connection.waiting = 262_145;
   const never = link.bulk.send(Uint8Array.of(4));
   link.close();
   await assert.rejects(never, { code: "left" });
@@ -166,11 +166,11 @@ test("frames are sent one after the other, in batches, with their count and hash
 test("a frame that is aborted on its way ends, and the peer knows that items are missing", async () => {
   const { robot, link } = await linked();
   const giveUp = new AbortController();
-  robot.channel("frames").waiting = 262_145;
+  robot.connection("frames").waiting = 262_145;
   const sent = link.frames.send({ header: HERE, items: POINTS }, { signal: giveUp.signal });
   await settled();
   giveUp.abort(new Error("no time"));
-  robot.channel("frames").waiting = 0;
+  robot.connection("frames").waiting = 0;
   robot.clock.pass(4);
   await assert.rejects(sent, new Error("no time"));
   const [begin, end, ...more] = robot.heard("frames");

@@ -1,4 +1,4 @@
-/** A channel over a fake WebSocket. */
+/** A connection over a fake WebSocket. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -26,61 +26,61 @@ class FakeSocket {
 
 function opening() {
   const socket = new FakeSocket();
-  const channel = openWebSocket("ws://two:7400/culler", (url) => {
+  const connection = openWebSocket("ws://two:7400/culler", (url) => {
     assert.equal(url, "ws://two:7400/culler");
     return socket as unknown as Socket;
   });
-  return { socket, channel };
+  return { socket, connection };
 }
 
 async function opened() {
-  const { socket, channel } = opening();
+  const { socket, connection } = opening();
   socket.onopen?.();
-  return { socket, channel: await channel };
+  return { socket, connection: await connection };
 }
 
 test("what is sent is split into binary messages of at most 65,536 bytes", async () => {
-  const { socket, channel } = await opened();
+  const { socket, connection } = await opened();
   assert.equal(socket.binaryType, "arraybuffer");
   const bytes = Uint8Array.from({ length: 140_000 }, (_, at) => at % 251);
-  channel.send(bytes);
+  connection.send(bytes);
   assert.deepEqual(
     socket.sent.map((part) => part.length),
     [65_536, 65_536, 8_928],
   );
   assert.deepEqual(concat(...socket.sent), bytes);
   socket.bufferedAmount = 5;
-  assert.equal(channel.buffered(), 5);
+  assert.equal(connection.buffered(), 5);
 });
 
 test("bytes and the end of the connection are told", async () => {
-  const { socket, channel } = await opened();
+  const { socket, connection } = await opened();
   const told: unknown[] = [];
-  channel.onBytes = (bytes) => told.push([...bytes]);
-  channel.onEnd = (why) => told.push(why);
+  connection.onBytes = (bytes) => told.push([...bytes]);
+  connection.onEnd = (why) => told.push(why);
   socket.onmessage?.({ data: Uint8Array.of(1, 2).buffer });
   socket.onclose?.({ code: 1006, reason: "" });
   assert.deepEqual(told, [[1, 2], "the connection ended (code 1006)"]);
 });
 
 test("text ends the connection", async () => {
-  const { socket, channel } = await opened();
+  const { socket, connection } = await opened();
   const told: unknown[] = [];
-  channel.onEnd = (why) => told.push(why);
+  connection.onEnd = (why) => told.push(why);
   socket.onmessage?.({ data: "hello" });
   assert.deepEqual([told, socket.isClosed], [["the peer sent text where only bytes may come"], true]);
 });
 
 test("nothing is told after this side has closed", async () => {
-  const { socket, channel } = await opened();
-  channel.onEnd = () => assert.fail("told");
-  channel.close();
+  const { socket, connection } = await opened();
+  connection.onEnd = () => assert.fail("told");
+  connection.close();
   socket.onclose?.({ code: 1000, reason: "" });
   assert(socket.isClosed);
 });
 
 test("a connection that cannot be opened says why", async () => {
-  const { socket, channel } = opening();
+  const { socket, connection } = opening();
   socket.onclose?.({ code: 1006, reason: "no route" });
-  await assert.rejects(channel, new Error("cannot connect to ws://two:7400/culler: no route (code 1006)"));
+  await assert.rejects(connection, new Error("cannot connect to ws://two:7400/culler: no route (code 1006)"));
 });

@@ -12,7 +12,7 @@ use crate::lanes::ends::{AnyTx, Sender, at_once, lost};
 use crate::lanes::trace::{FrameSpan, Way};
 use crate::transport::Capabilities;
 
-/// Sends frames: `begin`, any number of `push`, `finish`.
+/// Sends frames: `begin`, any number of `push`, `finish`; or `send` for a whole one.
 ///
 /// Each call waits until the peer has room (backpressure), within the link's timeout. A call's data counts as
 /// taken even if its future is dropped: the next call sends it.
@@ -56,6 +56,11 @@ impl<P: Protocol> FrameSender<P> {
     /// # Errors
     /// If the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
+        self.stage_begin(start)?;
+        self.lane.send_staged().await
+    }
+
+    fn stage_begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
         let frame = start.frame;
         self.write(|writer, _| writer.begin(frame))?;
         self.last_shared = None;
@@ -76,8 +81,7 @@ impl<P: Protocol> FrameSender<P> {
                 lane.stage(FrameMessage::Begin { frame, header: to_bytes(&start.header) })
             }
         }
-        .map_err(|loss| lost(loss, &self.lane.shared))?;
-        self.lane.send_staged().await
+        .map_err(|loss| lost(loss, &self.lane.shared))
     }
 
     /// Adds items to the open frame. All batches that this fills are sent together, in one write if there is
@@ -88,10 +92,15 @@ impl<P: Protocol> FrameSender<P> {
     /// # Errors
     /// If the peer is gone or stalls, no frame is open, or the frame would exceed its limit of items.
     pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
+        self.stage_items(items)?;
+        self.lane.send_staged().await
+    }
+
+    fn stage_items(&mut self, items: &[P::Item]) -> Result<(), SendError> {
         self.write(|writer, emit| writer.push(items, emit))?;
         let count = items.len() * P::Item::SIZE / self.format.item;
         self.lane.shared.counters.sent.count_items(count);
-        self.lane.send_staged().await
+        Ok(())
     }
 
     /// Sends waiting items without waiting for a full batch.
@@ -116,6 +125,24 @@ impl<P: Protocol> FrameSender<P> {
         self.lane.send_staged().await?;
         self.span.close(Way::Sent, end.items, true, &self.lane.shared);
         Ok(end)
+    }
+
+    /// Sends a whole frame: begins it, adds `items` and ends it. Returns its totals.
+    ///
+    /// Dropping the future undoes nothing: the next call sends the rest.
+    ///
+    /// # Errors
+    /// As [`FrameSender::begin`], or if there are more items than a frame may have; then nothing of it is
+    /// sent.
+    pub async fn send(
+        &mut self,
+        start: FrameStart<P::Header>,
+        items: &[P::Item],
+    ) -> Result<FrameEnd, SendError> {
+        self.write(|writer, _| writer.check(start.frame, items))?;
+        self.stage_begin(start)?;
+        self.stage_items(items)?;
+        self.finish().await
     }
 
     /// Sends a whole frame that was put together for many links, under a number of this link. Returns its

@@ -11,6 +11,8 @@ use crate::latest::{LatestIn, LatestOut};
 #[derive(Debug)]
 pub(super) struct Channel {
     pub(super) units: Units,
+    /// Whether its declaration allows coded batches.
+    pub(super) may_be_coded: bool,
     pub(super) latest_out: LatestOut,
     pub(super) latest_in: LatestIn,
 }
@@ -22,8 +24,10 @@ impl Channel {
         channels
             .map(|(number, channel)| {
                 let (number, format) = (ChannelNumber(number), Format::of_channel(channel));
-                let config = Config { format, coded: false, ..*config };
+                let may_be_coded = channel.count_coded().is_some();
+                let config = Config { format, coded: config.coded && may_be_coded, ..*config };
                 Self {
+                    may_be_coded,
                     units: Units::frames(UnitLane::Channel(number), &config),
                     latest_out: LatestOut::of(number),
                     latest_in: LatestIn::new(format),

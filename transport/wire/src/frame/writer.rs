@@ -67,6 +67,25 @@ impl<I: Item> FrameWriter<I> {
         Ok(())
     }
 
+    /// Whether `items` may be all items of `frame`.
+    ///
+    /// # Errors
+    /// If they exceed the limit, or are a part of an item on the wire.
+    pub fn check(&self, frame: FrameNumber, items: &[I]) -> Result<(), FrameOrderError> {
+        self.check_after(0, frame, items)
+    }
+
+    fn check_after(&self, before: u64, frame: FrameNumber, items: &[I]) -> Result<(), FrameOrderError> {
+        let (bytes, item, most) = (items.len() * I::SIZE, self.item, self.most);
+        if !bytes.is_multiple_of(item) {
+            return Err(FrameOrderError::Part { bytes, item });
+        }
+        if before + (bytes / item) as u64 > u64::from(most) {
+            return Err(FrameOrderError::TooMany { frame, most });
+        }
+        Ok(())
+    }
+
     /// Adds items to the open frame, and emits every batch that is full.
     ///
     /// # Errors
@@ -78,14 +97,7 @@ impl<I: Item> FrameWriter<I> {
         mut emit: impl FnMut(FrameMessage),
     ) -> Result<(), FrameOrderError> {
         let Digest { frame, items: emitted, .. } = self.open.as_ref().ok_or(FrameOrderError::NoneOpen)?;
-        let bytes = items.len() * I::SIZE;
-        if !bytes.is_multiple_of(self.item) {
-            return Err(FrameOrderError::Part { bytes, item: self.item });
-        }
-        let count = emitted + ((self.pending.len() + bytes) / self.item) as u64;
-        if count > u64::from(self.most) {
-            return Err(FrameOrderError::TooMany { frame: *frame, most: self.most });
-        }
+        self.check_after(emitted + (self.pending.len() / self.item) as u64, *frame, items)?;
         let full = self.batch.items() * self.item;
         while !items.is_empty() {
             let free = full.saturating_sub(self.pending.len()) / I::SIZE;

@@ -36,7 +36,12 @@ pub(crate) fn table(rivals: &[Box<dyn Rival>], times: usize, frames: u32) -> Res
 
 /// Microseconds of processor time a frame, and p50 and p99 in milliseconds.
 fn once(rival: &dyn Rival, frames: u32) -> Result<[f64; 3]> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    // zenoh refuses a runtime that is the caller's thread alone.
+    let runtime = if rival.has_own_sockets() {
+        tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?
+    } else {
+        tokio::runtime::Builder::new_current_thread().enable_all().build()?
+    };
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let meter = Arc::<Meter>::default();
     let (sender, receiver) = (Arc::clone(&net), net);

@@ -48,10 +48,12 @@ struct Options {
 fn main() -> Result<()> {
     let options = Options::parse();
     let named = |name: &str| options.rival.is_empty() || options.rival.iter().any(|word| name.contains(word));
-    let rivals: Vec<_> = rival::all().into_iter().filter(|rival| named(rival.name())).collect();
+    let mut rivals: Vec<_> = rival::all().into_iter().filter(|rival| named(rival.name())).collect();
     if let Some(times) = options.loopback {
         return loopback::table(&rivals, times, options.frames);
     }
+    rivals.retain(|rival| !rival.has_own_sockets());
+    anyhow::ensure!(!rivals.is_empty(), "no such rival runs in virtual time: try --loopback 1");
     let paths = if options.path.is_empty() { Path::value_variants() } else { &options.path };
     let jobs: Vec<_> = paths.iter().flat_map(|path| rivals.iter().map(move |rival| (*path, rival))).collect();
     let (next, cells) = (AtomicUsize::new(0), Mutex::new(vec![None; jobs.len()]));

@@ -26,10 +26,6 @@ impl Protocol for Peers {
     type Header = Pose;
     type Item = u32;
     type Message = ();
-
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
 }
 
 /// A number and zeros.

@@ -8,11 +8,14 @@ use anyhow::{Result, anyhow};
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::CongestionControl;
+use zenoh::Session;
 use zenoh::sample::Sample;
-use zenoh::{Config, Session};
 
-use super::{pose, frame, number};
+use super::{frame, number, pose};
 use crate::measure::{Arrivals, Far, Near, Subject};
+use config::config;
+
+mod config;
 
 /// Two zenoh sessions.
 pub(crate) struct Zenoh;
@@ -57,20 +60,6 @@ impl End {
     async fn send_pose(&self, number: u32) -> Result<()> {
         self.poses.put(pose(number).as_slice()).await.map_err(|e| anyhow!(e))
     }
-}
-
-fn config(key: &str, endpoint: &str) -> Result<Config> {
-    let mut config = Config::default();
-    for (key, value) in [
-        ("mode", "\"peer\"".to_owned()),
-        ("scouting/multicast/enabled", "false".to_owned()),
-        ("scouting/gossip/enabled", "false".to_owned()),
-        ("listen/endpoints", "[]".to_owned()),
-        (key, format!("[\"tcp/{endpoint}\"]")),
-    ] {
-        config.insert_json5(key, &value).map_err(|e| anyhow!(e))?;
-    }
-    Ok(config)
 }
 
 impl Subject for Zenoh {

@@ -39,10 +39,6 @@ impl Protocol for Robot {
     type Header = Time;
     type Item = u32;
     type Message = Command;
-
-    fn name(hello: &String) -> String {
-        hello.clone()
-    }
 }
 
 impl Fixed for Pose {

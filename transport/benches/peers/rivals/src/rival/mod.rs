@@ -15,6 +15,7 @@ mod quic_repair;
 mod quic_streams;
 mod srt;
 mod tls;
+mod zenoh;
 
 /// A run of both ends.
 pub(crate) type RunFuture = Pin<Box<dyn Future<Output = Result<()>>>>;
@@ -23,6 +24,11 @@ pub(crate) type RunFuture = Pin<Box<dyn Future<Output = Result<()>>>>;
 pub(crate) trait Rival: Send + Sync {
     /// Its name in tables.
     fn name(&self) -> &'static str;
+
+    /// Whether it takes the kernel's sockets and clock: then it runs over loopback alone.
+    fn has_own_sockets(&self) -> bool {
+        false
+    }
 
     /// Connects both ends, and sends all frames.
     fn run(&self, ends: Ends) -> RunFuture;
@@ -37,5 +43,6 @@ pub(crate) fn all() -> Vec<Box<dyn Rival>> {
     all.push(Box::new(kcp::KcpRival));
     all.push(Box::new(enet::EnetRival));
     all.push(Box::new(srt::SrtRival));
+    all.push(Box::new(zenoh::ZenohRival));
     all
 }
