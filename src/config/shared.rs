@@ -1,4 +1,5 @@
-//! Keys that several roles have. A file has them beside the role's own, a role's structure in fields of theirs.
+//! Keys that several roles have. In a file they stand beside the role's own keys; in a structure they are
+//! nested.
 
 use std::{net::SocketAddr, path::PathBuf, slice};
 
@@ -67,7 +68,7 @@ pub struct CommonConfig {
     pub keys: Option<PathBuf>,
 }
 
-/// The shared keys of a field, where it is a `gpu` or a `common`.
+/// The shared keys in a field, if it is `gpu` or `common`.
 fn shared(field: &'static Field) -> Option<&'static [Field]> {
     match field.kind {
         FieldKind::Nested { meta } if ["gpu", "common"].contains(&field.name) => Some(meta.fields),
