@@ -1,4 +1,5 @@
-//! Keys that several roles have. In a file they stand beside the role's own keys, in a structure they are nested.
+//! Keys that several roles have. In a file they stand beside the role's own keys; in a structure they are
+//! nested.
 
 use std::{net::SocketAddr, path::PathBuf, slice};
 

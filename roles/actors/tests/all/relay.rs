@@ -138,8 +138,8 @@ impl Bench {
         Process { stopper, at, thread: Some(thread::spawn(move || run(stop))) }
     }
 
-    /// A culler that answers each camera, and counts them. It refuses small pictures, a view state that it was
-    /// told before, and a camera whose view state it lacks.
+    /// A culler that answers each camera, and counts them. It refuses small pictures, a view state that it
+    /// was told before, and a camera whose view state it lacks.
     fn culler(&self, at: &Endpoint, culls: &Arc<Mutex<u32>>) -> Process {
         let (drawables, culls) = (max_frame(&self.scene), Arc::clone(culls));
         self.serves(Role::Culler, at, move |mut link| {

@@ -1,7 +1,7 @@
 // The operations whose rounding decides, on given numbers.
 
 @group(0) @binding(0) var<storage, read_write> numbers: array<array<f64, 2>>;
-@group(0) @binding(1) var<storage, read_write> results: array<array<f64, 7>>;
+@group(0) @binding(1) var<storage, read_write> results: array<array<f64, 11>>;
 
 const POOR = 1e-7lf;
 
@@ -18,4 +18,11 @@ fn cs_round(@builtin(global_invocation_id) at: vec3<u32>) {
     // From guesses as poor as Vulkan allows: they have f32's precision.
     results[at.x][5] = quotient_from((a / b) * (1.0lf + POOR), a, b);
     results[at.x][6] = root_from(sqrt(abs(a)) * (1.0lf - POOR), abs(a));
+    // From the neighbours of the results.
+    let ratio = quotient(a, b);
+    let side = root(abs(a));
+    results[at.x][7] = nearest_quotient(neighbour(ratio, true), a, b);
+    results[at.x][8] = nearest_quotient(neighbour(ratio, false), a, b);
+    results[at.x][9] = nearest_root(neighbour(side, true), abs(a));
+    results[at.x][10] = nearest_root(neighbour(side, false), abs(a));
 }

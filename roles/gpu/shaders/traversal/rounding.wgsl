@@ -28,7 +28,7 @@ fn remainder(a: f64, b: f64, c: f64) -> f64 {
     return (a - product) - rest;
 }
 
-// Of a guess and its neighbour on the side of its remainder, the one with the smaller remainder.
+// The number next to one.
 fn neighbour(x: f64, above: bool) -> f64 {
     return select(x - STEP * abs(x), x + STEP * abs(x), above);
 }
@@ -44,6 +44,11 @@ fn quotient_from(first: f64, a: f64, b: f64) -> f64 {
     }
     guess += remainder(a, guess, b) / b;
     guess += remainder(a, guess, b) / b;
+    return nearest_quotient(guess, a, b);
+}
+
+// Of a guess and its neighbour on the side of its remainder, the one with the smaller remainder.
+fn nearest_quotient(guess: f64, a: f64, b: f64) -> f64 {
     let rest = remainder(a, guess, b);
     if rest == 0.0lf {
         return guess;
@@ -63,6 +68,10 @@ fn root_from(first: f64, a: f64) -> f64 {
     }
     guess += remainder(a, guess, guess) / (guess + guess);
     guess += remainder(a, guess, guess) / (guess + guess);
+    return nearest_root(guess, a);
+}
+
+fn nearest_root(guess: f64, a: f64) -> f64 {
     let rest = remainder(a, guess, guess);
     if rest == 0.0lf {
         return guess;

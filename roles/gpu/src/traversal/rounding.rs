@@ -18,8 +18,8 @@ const OPERATION: &str = "comparing the device's arithmetic with the host's";
 const CASES: usize = 1 << 16;
 
 /// The results of a pair of numbers: quotient, root of the first, the first in f32, what rounding leaves of
-/// sums and products, and quotient and root from poor guesses.
-type Results = [f64; 7];
+/// sums and products, and quotient and root from poor guesses and from their neighbours.
+type Results = [f64; 11];
 
 /// Whether the device has the host's results, bit by bit.
 pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
@@ -46,7 +46,11 @@ pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
 
 fn on_host(a: f64, b: f64) -> Results {
     let (sum, quotient, root) = (a + b, a / b, a.abs().sqrt());
-    [quotient, root, f64::from(a as f32), sum - a, a * b - sum * a, quotient, root]
+    let [narrow, left_of_sum, left_of_product] = [f64::from(a as f32), sum - a, a * b - sum * a];
+    let (exact, from_poor) = ([quotient, root, narrow, left_of_sum, left_of_product], [quotient, root]);
+    let from_neighbours = [quotient, quotient, root, root];
+    let mut all = exact.into_iter().chain(from_poor).chain(from_neighbours);
+    std::array::from_fn(|_| all.next().unwrap_or_default())
 }
 
 /// Pairs of numbers with random bits, and next to where rounding changes: squares, products, whole numbers.
