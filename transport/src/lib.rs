@@ -153,10 +153,10 @@ pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, Channel,
     ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason, CodingError,
-    DecodeError, DecodeFault, Delivery, Explanation, Fixed, FixedBytes, Format, FrameEnd, FrameEvent,
-    FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind, Lane,
-    LatestOf, MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection, SessionId,
-    WireVersion,
+    CountCoded, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FixedBytes, Format, FrameEnd,
+    FrameEvent, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind,
+    Lane, LatestOf, MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection,
+    SessionId, WireVersion,
 };
 #[cfg(feature = "zerocopy")]
 pub use trimaran_wire::{Plain, PlainError};

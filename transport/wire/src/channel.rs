@@ -6,7 +6,7 @@ use std::fmt;
 use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{Fixed, FramesOf, Item, MAX_FIXED, Protocol, Text};
+use crate::{CountCoded, Fixed, FramesOf, Item, MAX_FIXED, Protocol, Text};
 
 /// The most channels of a protocol.
 pub const MAX_CHANNELS: usize = 16;
@@ -45,7 +45,7 @@ pub struct Channel {
     types: fn() -> TypeId,
     declared: fn() -> String,
     /// Reads the number of items that a coded batch claims, if batches may be coded.
-    count_coded: Option<fn(&[u8]) -> Option<usize>>,
+    count_coded: Option<CountCoded>,
 }
 
 /// The kind of a channel, and the sizes of its types in bytes.
@@ -154,7 +154,7 @@ impl Channel {
 
     /// Reads the number of items that a coded batch claims. `None` if its batches are never coded.
     #[must_use]
-    pub const fn count_coded(&self) -> Option<fn(&[u8]) -> Option<usize>> {
+    pub const fn count_coded(&self) -> Option<CountCoded> {
         self.count_coded
     }
 

@@ -2,6 +2,9 @@
 
 use crate::{BatchSize, Channel, ChannelSizes};
 
+/// Reads the number of items that a coded batch claims; `None` if it is invalid.
+pub type CountCoded = fn(&[u8]) -> Option<usize>;
+
 /// The sizes of an application's values, for the layers that only handle bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct Format {
@@ -12,7 +15,7 @@ pub struct Format {
     /// Bytes of one item of a frame.
     pub item: usize,
     /// Reads the number of items that a coded batch claims.
-    pub count_coded: fn(&[u8]) -> Option<usize>,
+    pub count_coded: CountCoded,
     /// The channels beside the lanes.
     pub channels: &'static [Channel],
 }

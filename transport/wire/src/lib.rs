@@ -63,7 +63,7 @@ pub use decode::{DecodeError, Decoder};
 pub use event::{FrameEvent, FrameStart};
 pub use fault::DecodeFault;
 pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
-pub use format::Format;
+pub use format::{CountCoded, Format};
 pub use frame::{
     FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
     FrameViolation, FrameWriter,

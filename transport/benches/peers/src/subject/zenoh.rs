@@ -8,8 +8,8 @@ use anyhow::{Result, anyhow};
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::CongestionControl;
-use zenoh::Session;
 use zenoh::sample::Sample;
+use zenoh::{Config, Session};
 
 use super::{frame, number, pose};
 use crate::measure::{Arrivals, Far, Near, Subject};
