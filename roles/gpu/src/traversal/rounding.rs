@@ -74,7 +74,7 @@ fn cases() -> impl Iterator<Item = [f64; 2]> {
         match index % 8 {
             0 => [next(b * b), b],
             1 => [next(a * b), b],
-            2 => [a.trunc(), (b.trunc()).abs() + 1.0],
+            2 => [a.abs().trunc() + 1.0, b.abs().trunc() + 1.0],
             3 => [f64::from(a as f32) + 0.5 * f64::from(f32::EPSILON) * f64::from(a as f32), b],
             4 => [next(a), a],
             _ => [a, b],
