@@ -4,6 +4,8 @@
 @group(0) @binding(1) var<storage, read_write> results: array<array<f64, 11>>;
 
 const POOR = 1e-7lf;
+// A little more than half the distance to the next number.
+const NEXT = 1.11022302462516e-16lf;
 
 @compute @workgroup_size(64)
 fn cs_round(@builtin(global_invocation_id) at: vec3<u32>) {
@@ -21,8 +23,8 @@ fn cs_round(@builtin(global_invocation_id) at: vec3<u32>) {
     // From the neighbours of the results.
     let ratio = quotient(a, b);
     let side = root(abs(a));
-    results[at.x][7] = nearest_quotient(neighbour(ratio, true), a, b);
-    results[at.x][8] = nearest_quotient(neighbour(ratio, false), a, b);
-    results[at.x][9] = nearest_root(neighbour(side, true), abs(a));
-    results[at.x][10] = nearest_root(neighbour(side, false), abs(a));
+    results[at.x][7] = nearest_quotient(ratio + NEXT * abs(ratio), a, b);
+    results[at.x][8] = nearest_quotient(ratio - NEXT * abs(ratio), a, b);
+    results[at.x][9] = nearest_root(side + NEXT * side, abs(a));
+    results[at.x][10] = nearest_root(side - NEXT * side, abs(a));
 }
