@@ -75,7 +75,7 @@ fn program(name: &str) -> Option<Program> {
     Some(program)
 }
 
-/// What it has written, once it has ended well.
+/// Its output, once it has ended well.
 async fn told(program: Child) -> String {
     let told = tokio::task::spawn_blocking(|| program.wait_with_output()).await.unwrap().unwrap();
     assert!(told.status.success());
