@@ -1,7 +1,7 @@
 // The box that is tested in place of a node, and its record: `BoxMaker`, `ScreenProjection` and
 // `ScreenRecords` of the host, bit by bit.
 
-// What is known of a box before any depth is read.
+// The findings about a box before any depth is read.
 const OUTSIDE = 0u;
 const EYE_INSIDE = 1u;
 const ACROSS_NEAR = 2u;

@@ -8,7 +8,7 @@ struct Entry {
     step_and_kind: u32,
 }
 
-// What becomes of a node or piece that shows.
+// The fate of a node or piece that shows.
 struct Outcome {
     entry: Entry,
     // The first child or the first piece of the level to draw.
@@ -119,7 +119,7 @@ fn visit(first: u32, count: u32, step_and_kind: u32) {
     atomicMax(&counters.dispatches[next].prepare.x, groups);
 }
 
-// What shows is drawn, or what is below it is visited.
+// Something that shows is drawn, or its children or pieces are visited.
 fn show(outcome: Outcome) {
     let step = outcome.entry.step_and_kind >> 1u;
     if outcome.refines != 0u {

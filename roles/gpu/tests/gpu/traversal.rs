@@ -14,7 +14,7 @@ use trimaran_scene::{Scene, random::Random};
 use crate::common::{CheckedGpu, lacks_float64};
 use crate::sections::random_sections;
 
-/// What a traversal gives: its steps that give anything, and the counters.
+/// The results of a traversal: its steps that give anything, and the counters.
 type Given = (Vec<Vec<DrawableId>>, CullStats);
 
 /// A culler's pass, with the last visible set as occluders.
