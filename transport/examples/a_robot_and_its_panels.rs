@@ -70,13 +70,14 @@ async fn panel(net: &dyn Net, mut at: Reconnecting<Robot>, ms: u64, scans: u32) 
         let mut lidar = link.frames_rx.keep_last(KeepLast::default());
         let mut radar = link.channels.frames::<Pose, Echo>("radar")?.1.keep_last(KeepLast::default());
         let mut imu = link.channels.latest::<Motion>("imu")?.1;
+        assert_eq!(imu.latest().await?[2], 9.8);
         for _ in 0..scans {
             let points = tokio::select! {
                 scan = lidar.frame() => scan?.end.items,
                 scan = radar.frame() => scan?.end.items,
             };
-            let (pose, motion) = (link.latest_rx.latest().await?, imu.latest().await?);
-            assert!(matches!(points, 500 | 5000) && pose[0] >= 1.0 && motion[2] == 9.8, "{pose:?}");
+            let pose = link.latest_rx.try_latest()?; // without waiting for the next one
+            assert!(matches!(points, 500 | 5000) && pose.is_none_or(|pose| pose[0] >= 1.0), "{pose:?}");
             sleep_until(net, net.now().after(Duration::from_millis(ms))).await;
         }
         Ok(link.stats.read().skipped.total())
