@@ -5,7 +5,8 @@
 --
 -- Connections are known by their hello, and by the ports 7400 and 7401. Of encrypted datagrams only their headers can be read; QUIC
 -- is Wireshark's own. What repair made good at the receiver is not rebuilt here, and said to be missing. Of links of other applications
--- the hello, the kinds of messages and the channels are shown: their hello has the sizes of channels, but not those of the lanes.
+-- the hello, the kinds of messages and the channels are shown: their hello has the sizes of channels, but not
+-- those of the lanes.
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
@@ -303,7 +304,8 @@ local others = {}
 -- The role that each direction of each connection has said: what blocks hold depends on it.
 local roles = {}
 
--- The channels of each connection whose hello has some, and the one that it carries itself, if it carries one.
+-- The channels of each connection whose hello has some, and the one that it carries itself, if it carries
+-- one.
 local channels, carried = {}, {}
 
 function trimaran.init() lanes, decoded, others, roles, channels, carried = {}, {}, {}, {}, {}, {} end

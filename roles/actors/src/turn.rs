@@ -46,9 +46,9 @@ impl Turns {
         Self { idle_devices: true, ..Self::some_at_a_time(false, 1) }
     }
 
-    /// Roles that share a device fairly, as far as all of them hold a clone of this: `most` have it at a time,
-    /// at least one, and each gets the same time of it, however long its frames take. With more than one, some
-    /// compute on the host while the device works for others.
+    /// Roles that share a device fairly, as far as all of them hold a clone of this: `most` have it at a
+    /// time, at least one, and each gets the same time of it, however long its frames take. With more than
+    /// one, some compute on the host while the device works for others.
     #[must_use]
     pub fn fair(most: usize) -> Self {
         Self::some_at_a_time(true, most.max(1))

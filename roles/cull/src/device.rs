@@ -49,8 +49,8 @@ pub trait CullerDevice: OcclusionTest {
     /// Those of the device.
     fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
 
-    /// Completes the depth like [`finish_occluders`](Self::finish_occluders), but need not wait for the device:
-    /// the next test does. Then the time is only that of the host.
+    /// Completes the depth like [`finish_occluders`](Self::finish_occluders), but need not wait for the
+    /// device: the next test does. Then the time is only that of the host.
     ///
     /// # Errors
     /// Those of the device.

@@ -140,8 +140,8 @@ pub(crate) struct DeviceArgs {
     /// The longest that the device may make no progress, seconds.
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
-    /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; ends with
-    /// an error at the first difference.
+    /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; ends
+    /// with an error at the first difference.
     #[arg(long)]
     pub(crate) check_device: bool,
 }

@@ -91,8 +91,8 @@ pub(crate) struct WalkArgs {
     /// How long the device may make no progress before it counts as hung, seconds.
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
-    /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; ends with
-    /// an error at the first difference.
+    /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; ends
+    /// with an error at the first difference.
     #[arg(long)]
     pub(crate) check_device: bool,
     /// Let the roles compute one after another, so that no busy time contains another role's work: a model

@@ -7,7 +7,8 @@ use smallvec::SmallVec;
 
 /// A value encoded in [`Fixed::SIZE`] bytes: for the latest lane, or the header of a frame.
 ///
-/// Both sides must agree on every byte. Little-endian is usual here. Numbers and arrays of numbers are values.
+/// Both sides must agree on every byte. Little-endian is usual here. Numbers and arrays of numbers are
+/// values.
 pub trait Fixed: Sized + Send + Sync + 'static {
     /// The size in bytes, at most [`MAX_FIXED`].
     const SIZE: usize;

@@ -1,7 +1,7 @@
 // Quotients and roots of f64, rounded to the nearest as IEEE 754 has it. Vulkan promises no more for the
-// device's own than what f32 has. So these are guesses here: Newton's method brings them within one step of the
-// result, and the exact remainder chooses between the two neighbours. Sums and products are rounded to the
-// nearest on devices that have f64 at all, and the build script forbids to fuse them.
+// device's own than what f32 has. So these are guesses here: Newton's method brings them within one step of
+// the result, and the exact remainder chooses between the two neighbours. Sums and products are rounded to
+// the nearest on devices that have f64 at all, and the build script forbids to fuse them.
 
 // For Dekker's splitting of a number in two of half as many bits.
 const SPLIT = 134217729.0lf;

@@ -10,8 +10,8 @@ use crate::{GpuScene, OccluderPass};
 
 type Found = Option<WholeTraversal>;
 
-/// The traversals of a walk through a plant, each ascending, with a tree and lists of these sizes at first. Then
-/// the most submissions that a frame took, and the size of the lists at the end.
+/// The traversals of a walk through a plant, each ascending, with a tree and lists of these sizes at first.
+/// Then the most submissions that a frame took, and the size of the lists at the end.
 fn walk(gpu: &CheckedGpu, budget: Option<TreeBudget>, capacity: u32) -> (Vec<Found>, u64, u32) {
     let (seed, objects, size) = (7, 800, Viewport::new(160, 120).unwrap());
     let scene = plant(seed, objects, DVec3::ZERO).unwrap();

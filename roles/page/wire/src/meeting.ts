@@ -38,8 +38,8 @@ export interface Meeting {
 }
 
 /**
- * Opens the lanes and channels and sends hellos. If one fails, all are closed and a `LinkError` is thrown; if it
- * is aborted, the signal's reason.
+ * Opens the lanes and channels and sends hellos. If one fails, all are closed and a `LinkError` is thrown; if
+ * it is aborted, the signal's reason.
  *
  * Messages after a lane's answer wait there.
  */

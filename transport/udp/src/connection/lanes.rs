@@ -66,8 +66,8 @@ impl Connection {
         self.send_on(UnitLane::Frames, message);
     }
 
-    /// As [`Connection::send`], on the frames lane or a channel of frames. Those of a channel are coded if its
-    /// declaration says so as well.
+    /// As [`Connection::send`], on the frames lane or a channel of frames. Those of a channel are coded if
+    /// its declaration says so as well.
     pub fn send_on(&mut self, lane: UnitLane, message: &FrameMessage) {
         let path = self.path();
         self.units_mut(lane).outbox.put(message, path);
