@@ -130,7 +130,14 @@ impl OcclusionTest for VulkanCuller {
 
     fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, VulkanCullerError> {
         match (self.occlusion_test, self.hzb_place) {
-            (OcclusionTestKind::Hzb, HzbPlace::Device) => Ok(self.pass.hzb_test()?.traverse(view, rule)?),
+            (OcclusionTestKind::Hzb, HzbPlace::Device) => {
+                let found = self.pass.hzb_test()?.traverse(view, rule)?;
+                if found.is_some() {
+                    // The device is done, and other geometry may take the occluders' place.
+                    self.pass.finish()?;
+                }
+                Ok(found)
+            }
             _ => Ok(None),
         }
     }

@@ -62,7 +62,13 @@ enum Traversal {
 impl Traversal {
     fn get(&mut self, scene: &GpuScene) -> Result<Option<&mut DeviceTraversal>, GpuError> {
         if matches!(self, Self::Untried) {
-            let made = DeviceTraversal::new(scene)?;
+            let made = match DeviceTraversal::new(scene) {
+                Err(GpuError::Allocation { what, bytes, .. }) => {
+                    tracing::warn!(what, bytes, "the host culls: the device has no memory for that");
+                    None
+                }
+                made => made?,
+            };
             *self = made.map_or(Self::Impossible, |traversal| Self::Ready(Box::new(traversal)));
         }
         Ok(if let Self::Ready(traversal) = self { Some(traversal) } else { None })

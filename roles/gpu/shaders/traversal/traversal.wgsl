@@ -144,9 +144,14 @@ fn show(outcome: Outcome) {
     }
 }
 
+// How many entries the step has: none where a list has overflowed, because some of its places hold no entry.
+fn entry_count() -> u32 {
+    return select(atomicLoad(&counters.dispatches[test.step].entries), 0u, atomicLoad(&counters.overflow) != 0u);
+}
+
 @compute @workgroup_size(PREPARED_AT_ONCE)
 fn cs_prepare(@builtin(global_invocation_id) at: vec3<u32>) {
-    if at.x < min(atomicLoad(&counters.dispatches[test.step].entries), test.capacity) {
+    if at.x < entry_count() {
         prepare_entry(entries[(test.step & 1u) * test.capacity + at.x]);
     }
 }
@@ -154,7 +159,7 @@ fn cs_prepare(@builtin(global_invocation_id) at: vec3<u32>) {
 // After the last step: the host goes on.
 @compute @workgroup_size(PREPARED_AT_ONCE)
 fn cs_leave(@builtin(global_invocation_id) at: vec3<u32>) {
-    if at.x < min(atomicLoad(&counters.dispatches[test.step].entries), test.capacity) {
+    if at.x < entry_count() {
         leave(entries[(test.step & 1u) * test.capacity + at.x]);
     }
 }

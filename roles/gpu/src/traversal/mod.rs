@@ -168,7 +168,7 @@ impl DeviceTraversal {
         self.room = None;
     }
 
-    /// Traverses the tree of `scene` from `view`. `None` if the longest lists do not suffice.
+    /// Traverses the tree of `scene` from `view`. `None` if it is empty, or the longest lists do not suffice.
     pub(crate) fn traverse(
         &mut self,
         depth: &mut PyramidDepth<'_>,
@@ -176,10 +176,13 @@ impl DeviceTraversal {
         view: &View,
         rule: &CutRule,
     ) -> Result<Option<WholeTraversal>, GpuError> {
+        if scene.scene().nodes().is_empty() {
+            return Ok(None);
+        }
         let cut = CutRecord::new(scene.scene(), view, rule);
         let (mut left, mut counters) = (vec![Entry::ROOT], Counters::zeroed());
         for _ in 0..MOST_SUBMISSIONS {
-            counters = self.submit(depth, scene, (cut, rule), (&left, counters))?;
+            counters = self.visit(depth, scene, (cut, rule), (&left, counters))?;
             let Some(room) = &self.room else { return Ok(None) };
             if counters.overflow != 0 {
                 if self.capacity == MOST_CAPACITY {
@@ -203,16 +206,34 @@ impl DeviceTraversal {
     }
 
     /// Visits these entries and all below them, and counts on.
-    fn submit(
+    fn visit(
         &mut self,
         depth: &mut PyramidDepth<'_>,
         scene: &GpuScene,
+        inputs: (CutRecord, &CutRule),
+        from: (&[Entry], Counters),
+    ) -> Result<Counters, GpuError> {
+        let mut tree = scene.tree()?;
+        if let Err(error) = self.submit(depth, (scene, &mut tree), inputs, from) {
+            // Pages count as resident whose copies were not submitted.
+            tree.drop_all();
+            return Err(error);
+        }
+        drop(tree);
+        depth.over.stream.wait(OPERATION)?;
+        let counted = self.room.as_ref().and_then(|room| room.counted.elements().first().copied());
+        Ok(counted.unwrap_or_else(Counters::zeroed))
+    }
+
+    fn submit(
+        &mut self,
+        depth: &mut PyramidDepth<'_>,
+        (scene, tree): (&GpuScene, &mut Tree),
         (mut cut, rule): (CutRecord, &CutRule),
         (left, counters): (&[Entry], Counters),
-    ) -> Result<Counters, GpuError> {
+    ) -> Result<(), GpuError> {
         let Self { layout, prepare, test, leave, room, upload, capacity, steps } = self;
-        let mut tree = scene.tree()?;
-        upload.bring(&mut tree, scene.scene(), left, rule)?;
+        upload.bring(tree, scene.scene(), left, rule)?;
         cut.drawable_pages = tree.drawable_pages();
         let bound =
             [depth.pyramid.texels(), tree.pages(), tree.nodes(), tree.drawables(), upload.appearances()];
@@ -232,7 +253,7 @@ impl DeviceTraversal {
                 pyramid.build(commands, halving, depth);
             }
             commands.barrier(scope::TRAVERSAL, scope::FILL);
-            upload.record(commands, &mut tree);
+            upload.record(commands, tree);
             commands.copy_first(&room.first, &room.counters, 1);
             commands.copy_first(&room.first_entries, &room.entries, left.len());
             commands.barrier(scope::FILL, scope::TRAVERSAL);
@@ -257,10 +278,7 @@ impl DeviceTraversal {
             commands.copy(&room.counters, room.counted.buffer(), &[all]);
             commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
             commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
-        })?;
-        drop(tree);
-        stream.wait(OPERATION)?;
-        Ok(room.counted.elements().first().copied().unwrap_or_else(Counters::zeroed))
+        })
     }
 }
 

@@ -180,10 +180,7 @@ impl Upload {
             let _ = left.iter().try_for_each(|entry| self.bring_entry(tree, scene, *entry));
             self.show_new_nodes(tree, scene, rule);
         });
-        brought.map_err(|error| {
-            tree.drop_all();
-            GpuError::Scene(error)
-        })
+        brought.map_err(GpuError::Scene)
     }
 
     /// `None` if there is no more room now, or a record cannot be read.
