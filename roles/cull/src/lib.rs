@@ -55,6 +55,7 @@
 //! `trimaran-audit` checks the result.
 
 mod boxes;
+mod cut_record;
 mod cut_rule;
 mod depth;
 mod device;
@@ -77,6 +78,7 @@ mod view;
 mod whole_traversal;
 
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable};
+pub use cut_record::CutRecord;
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use device::{Cancel, CullerDevice, PictureDevice};
@@ -96,4 +98,4 @@ pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};
 pub use traverse::{CullError, CullStats, Culler, Traversal};
 pub use trimaran_proto::{LodRule, LodRuleError, Viewport};
 pub use view::View;
-pub use whole_traversal::{CutRecord, StepCounts, WholeTraversal};
+pub use whole_traversal::{StepCounts, WholeTraversal};

@@ -267,7 +267,7 @@ impl<'c> Traversal<'c> {
 
     /// Nothing is left to visit but the results of the test's own traversal.
     fn take(&mut self, whole: WholeTraversal) {
-        self.stats = whole.stats();
+        self.stats = CullStats { counts: whole.counts(), ..CullStats::default() };
         self.memory.level.clear();
         self.memory.steps = whole.given();
         self.memory.steps.reverse();
@@ -289,7 +289,7 @@ impl<'c> Traversal<'c> {
         let given: Vec<usize> = whole.given().into_iter().filter(|count| *count > 0).collect();
         let visible: BTreeSet<DrawableId> = whole.visible.iter().copied().collect();
         let asked: BTreeSet<DrawableId> = asked.into_iter().collect();
-        if visible == asked && given == steps && whole.stats() == self.stats {
+        if visible == asked && given == steps && whole.counts() == self.stats.counts {
             return Ok(());
         }
         let first = visible.symmetric_difference(&asked).next().copied();

@@ -2,8 +2,8 @@
 
 use parking_lot::{Mutex, MutexGuard};
 use std::mem::ManuallyDrop;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use ash::vk;
@@ -12,7 +12,6 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
 use crate::adapter::{Adapter, Limits};
 use crate::needs;
-use crate::traversal::rounds_as_the_host;
 use crate::validation::{self, Messenger};
 use crate::{DeviceChoice, GpuError, GpuInfo, Optional};
 
@@ -74,8 +73,6 @@ pub struct Gpu {
     memory: Option<u64>,
     check_traversals: bool,
     timeout: Duration,
-    /// Whether it rounds f64 as the host does, once that is known.
-    rounds: OnceLock<bool>,
     /// The device has exceeded the timeout.
     hung: AtomicBool,
     /// Work may be running that is no longer waited for.
@@ -171,15 +168,6 @@ impl Gpu {
     /// Whether traversals on the device are compared with the host's.
     pub(crate) const fn checks_traversals(&self) -> bool {
         self.check_traversals
-    }
-
-    /// Whether the device rounds f64 as the host does, which is tested once.
-    pub(crate) fn rounds_as_the_host(self: &Arc<Self>) -> Result<bool, GpuError> {
-        if let Some(rounds) = self.rounds.get() {
-            return Ok(*rounds);
-        }
-        let rounds = rounds_as_the_host(self)?;
-        Ok(*self.rounds.get_or_init(|| rounds))
     }
 
     /// Whether the device has hung before.
@@ -290,7 +278,6 @@ impl Parts {
             memory: options.memory,
             check_traversals: options.check_traversals,
             timeout: options.timeout,
-            rounds: OnceLock::new(),
             hung: AtomicBool::new(false),
             abandoned: AtomicBool::new(false),
             entry: ManuallyDrop::new(entry),

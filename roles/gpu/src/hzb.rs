@@ -6,8 +6,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;
 use trimaran_cull::{
-    CutRule, OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View,
-    WholeTraversal,
+    CutRule, OcclusionTest, OnScreen, Outline, ScreenRecord, ScreenRecords, TestBox, View, WholeTraversal,
 };
 
 use crate::boxes;
@@ -15,7 +14,7 @@ use crate::layout::{BindingSet, Layout};
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{Pipeline, shader};
-use crate::pyramid::{Halving, Pyramid};
+use crate::pyramid::{Constants, Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
 use crate::traversal::{DeviceTraversal, PyramidDepth};
@@ -82,27 +81,6 @@ struct Room {
     answers: HostBuffer<u32>,
 }
 
-/// `Test` of hzb.wgsl.
-#[derive(Clone, Copy, bytemuck::NoUninit)]
-#[repr(C)]
-pub(crate) struct Constants {
-    margins: ScreenMargins,
-    width: u32,
-    starts: [u32; MAX_LEVELS],
-    /// Of a traversal.
-    step: u32,
-    capacity: u32,
-}
-
-impl Constants {
-    pub(crate) const fn of_step(self, step: u32, capacity: u32) -> Self {
-        Self { step, capacity, ..self }
-    }
-}
-
-/// Levels over the largest picture, 65,536 pixels wide.
-const MAX_LEVELS: usize = 17;
-
 /// The least number of boxes per thread: a tenth of a millisecond's work.
 const MIN_BOXES: usize = 512;
 
@@ -128,9 +106,9 @@ impl OcclusionTest for DeviceHzbTest<'_> {
         let Self { pass, boxes: own } = self;
         let ready = own.fit(pass, view)?;
         own.prepare(&ready, boxes, visible);
-        let constants = own.constants(&ready);
         let HzbBoxes { halving, layout, pipeline, room, pyramid, pyramid_of, records, owners, .. } = own;
         let Some(pyramid) = pyramid else { return Ok(()) };
+        let constants = pyramid.constants(ready.margins());
         for (records, owners) in boxes::batches(records, owners) {
             let make = || Room::new(pass.gpu(), layout, pyramid, boxes::room_for(records.len()));
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
@@ -155,10 +133,10 @@ impl OcclusionTest for DeviceHzbTest<'_> {
     fn traverse(&mut self, view: &View, rule: &CutRule) -> Result<Option<WholeTraversal>, GpuError> {
         let Self { pass, boxes: own } = self;
         let ready = own.fit(pass, view)?;
-        let constants = own.constants(&ready);
         let scene = Arc::clone(pass.scene());
         let HzbBoxes { halving, pyramid, pyramid_of, traversal, .. } = own;
         let (Some(pyramid), Some(traversal)) = (pyramid, traversal.get(&scene)?) else { return Ok(None) };
+        let constants = pyramid.constants(ready.margins());
         let over = pass.over_depth()?;
         let version = Some(over.version);
         let is_built = *pyramid_of == version;
@@ -211,14 +189,6 @@ impl HzbBoxes {
         let make = || Pyramid::new(pass.gpu(), halving, size);
         reuse_or_make(pyramid, |pyramid| pyramid.size() == size, make)?;
         Ok(ScreenRecords::new(view, Outline::OnScreen))
-    }
-
-    fn constants(&self, ready: &ScreenRecords) -> Constants {
-        let mut starts = [0; MAX_LEVELS];
-        let pyramid = self.pyramid.iter();
-        starts.iter_mut().zip(pyramid.flat_map(Pyramid::starts)).for_each(|(slot, start)| *slot = start);
-        let width = self.pyramid.as_ref().map_or(0, |pyramid| pyramid.size().width());
-        Constants { margins: ready.margins(), width, starts, step: 0, capacity: 0 }
     }
 
     /// Prepares a batch: a record for each box that depends on the depth, with its index.

@@ -89,6 +89,7 @@ mod query;
 mod raster;
 mod recorder;
 mod reuse;
+mod rounding;
 mod scene;
 mod scope;
 mod sections;
@@ -96,6 +97,7 @@ mod solid_pass;
 mod stream;
 mod timing;
 mod traversal;
+mod tree;
 mod validation;
 mod wait;
 #[cfg(feature = "window")]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::Viewport;
+use trimaran_cull::{ScreenMargins, Viewport};
 
 use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, Image};
@@ -33,6 +33,27 @@ const LEVELS: usize = 6;
 
 /// Finer texels per workgroup, across and down.
 const GROUP: u32 = 1 << LEVELS;
+
+/// `Test` of hzb.wgsl: the pyramid, and how much boxes over it are grown.
+#[derive(Clone, Copy, bytemuck::NoUninit)]
+#[repr(C)]
+pub(crate) struct Constants {
+    margins: ScreenMargins,
+    width: u32,
+    starts: [u32; MAX_LEVELS],
+    /// Of a traversal.
+    step: u32,
+    capacity: u32,
+}
+
+/// Levels over the largest picture, 65,536 pixels wide.
+const MAX_LEVELS: usize = 17;
+
+impl Constants {
+    pub(crate) const fn of_step(self, step: u32, capacity: u32) -> Self {
+        Self { step, capacity, ..self }
+    }
+}
 
 impl Halving {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
@@ -83,9 +104,11 @@ impl Pyramid {
         &self.texels
     }
 
-    /// Where each level begins, in texels.
-    pub(crate) fn starts(&self) -> impl Iterator<Item = u32> {
-        self.levels.iter().map(|level| level.start)
+    /// For tests of boxes that are grown by these margins.
+    pub(crate) fn constants(&self, margins: ScreenMargins) -> Constants {
+        let mut starts = [0; MAX_LEVELS];
+        starts.iter_mut().zip(&self.levels).for_each(|(slot, level)| *slot = level.start);
+        Constants { margins, width: self.size.width(), starts, step: 0, capacity: 0 }
     }
 
     /// Builds all levels over `depth`, for shaders to read.

@@ -1,6 +1,6 @@
 //! A cooked scene on a device.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use parking_lot::{MappedMutexGuard, Mutex, MutexGuard};
 use trimaran_cull::View;
@@ -8,7 +8,8 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Node, Scene};
 
 use crate::place::{Absent, Place};
-use crate::traversal::{Tree, TreeBudget};
+use crate::rounding::rounds_as_the_host;
+use crate::tree::{Tree, TreeBudget};
 use crate::working_set::{Budget, HoldId, WorkingSet, WorkingSetStats};
 use crate::{Gpu, GpuError};
 
@@ -19,6 +20,8 @@ pub struct GpuScene {
     set: Mutex<WorkingSet>,
     /// Once a culler traverses it on the device.
     tree: Mutex<Option<Tree>>,
+    /// Whether the device rounds f64 as the host does, once that is known.
+    rounds: OnceLock<bool>,
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
 }
@@ -41,8 +44,8 @@ impl GpuScene {
         staged: bool,
     ) -> Result<Arc<Self>, GpuError> {
         let set = WorkingSet::new(gpu, scene, budget, staged)?;
-        let (set, tree) = (Mutex::new(set), Mutex::new(None));
-        Ok(Arc::new(Self { set, tree, gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
+        let (set, tree, rounds) = (Mutex::new(set), Mutex::new(None), OnceLock::new());
+        Ok(Arc::new(Self { set, tree, rounds, gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
     }
 
     /// The device that holds it.
@@ -66,6 +69,15 @@ impl GpuScene {
     #[cfg(test)]
     pub(crate) fn limit_tree(&self, budget: TreeBudget) {
         *self.tree.lock() = Tree::new(&self.gpu, &self.scene, budget).ok();
+    }
+
+    /// Whether the device rounds f64 as the host does, which is tested once.
+    pub(crate) fn rounds_as_the_host(&self) -> Result<bool, GpuError> {
+        if let Some(rounds) = self.rounds.get() {
+            return Ok(*rounds);
+        }
+        let rounds = rounds_as_the_host(&self.gpu)?;
+        Ok(*self.rounds.get_or_init(|| rounds))
     }
 
     /// The tree on the device, for one culler at a time.

@@ -6,7 +6,7 @@ use std::fmt;
 use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{CountCoded, Fixed, FramesOf, Item, MAX_FIXED, Protocol, Text};
+use crate::{Fixed, MAX_FIXED, Text};
 
 /// The most channels of a protocol.
 pub const MAX_CHANNELS: usize = 16;
@@ -26,6 +26,9 @@ impl ChannelNumber {
         self.0 as usize
     }
 }
+
+/// Reads the number of items that a coded batch claims; `None` if it is invalid.
+pub type CountCoded = fn(&[u8]) -> Option<usize>;
 
 /// A channel of a protocol: one more latest lane or frames lane, with types of its own.
 ///
@@ -92,46 +95,22 @@ impl Channel {
         const { assert!(V::SIZE <= MAX_FIXED, "a value of a channel has at most 1024 bytes") }
         let sizes = ChannelSizes::Latest { value: V::SIZE as u16 };
         let declared = || format!("latest::<{}>", type_name::<V>());
-        Self::new(name, sizes, TypeId::of::<V>, declared)
+        Self::new(name, sizes, TypeId::of::<V>, declared, None)
     }
 
-    /// A frames lane with headers `H` and items `I`, which travel plain. Its name has 1 to 32 bytes; a longer
-    /// one fails to compile.
-    #[must_use]
-    pub const fn frames<H: Fixed + Clone + PartialEq + fmt::Debug, I: Item>(name: &'static str) -> Self {
-        let declared = || format!("frames::<{}, {}>", type_name::<H>(), type_name::<I>());
-        Self::of::<FramesOf<H, I>>(name, declared)
-    }
-
-    /// A frames lane as `P` has it: with its header, its items and its coding. Of `P` nothing else counts.
-    /// Peers do not compare the codings: they are part of the [name](Protocol::NAME) of the protocol.
-    #[must_use]
-    pub const fn frames_of<P: Protocol>(name: &'static str) -> Self {
-        let mut channel = Self::of::<P>(name, || format!("frames_of::<{}>", type_name::<P>()));
-        channel.count_coded = Some(P::count_coded);
-        channel
-    }
-
-    const fn of<P: Protocol>(name: &'static str, declared: fn() -> String) -> Self {
-        const {
-            assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
-            assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
-        }
-        let sizes = ChannelSizes::Frames { header: P::Header::SIZE as u16, item: P::Item::SIZE as u16 };
-        Self::new(name, sizes, TypeId::of::<P>, declared)
-    }
-
-    const fn new(
+    /// Its name has 1 to 32 bytes; a longer one fails to compile.
+    pub(crate) const fn new(
         name: &'static str,
         sizes: ChannelSizes,
         types: fn() -> TypeId,
         declared: fn() -> String,
+        count_coded: Option<CountCoded>,
     ) -> Self {
         assert!(
             !name.is_empty() && name.len() <= ChannelName::MAX_BYTES,
             "a channel's name has 1 to 32 bytes"
         );
-        Self { name, sizes, types, declared, count_coded: None }
+        Self { name, sizes, types, declared, count_coded }
     }
 
     /// Its name.

@@ -1,9 +1,6 @@
 //! The sizes of an application's values.
 
-use crate::{BatchSize, Channel, ChannelSizes};
-
-/// Reads the number of items that a coded batch claims; `None` if it is invalid.
-pub type CountCoded = fn(&[u8]) -> Option<usize>;
+use crate::{BatchSize, Channel, ChannelSizes, CountCoded};
 
 /// The sizes of an application's values, for the layers that only handle bytes.
 #[derive(Debug, Clone, Copy)]

@@ -53,7 +53,7 @@ mod text;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
 pub use channel::{
-    Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, MAX_CHANNELS,
+    Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CountCoded, MAX_CHANNELS,
 };
 pub use channel_types::{FramesOf, LatestOf};
 pub use control::{
@@ -63,7 +63,7 @@ pub use decode::{DecodeError, Decoder};
 pub use event::{FrameEvent, FrameStart};
 pub use fault::DecodeFault;
 pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
-pub use format::{CountCoded, Format};
+pub use format::Format;
 pub use frame::{
     FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
     FrameViolation, FrameWriter,

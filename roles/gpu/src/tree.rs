@@ -7,11 +7,27 @@ use gpu_allocator::MemoryLocation;
 use trimaran_cull::CutRule;
 use trimaran_scene::{Node, Scene};
 
-use super::Entry;
 use crate::memory::{Buffer, HostBuffer};
 use crate::recorder::Recorder;
 use crate::scope;
 use crate::{Gpu, GpuError};
+
+/// A node or a piece to visit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(crate) struct Entry {
+    id: u32,
+    /// Twice the step of the traversal that it belongs to, and one more if it is a piece.
+    step_and_kind: u32,
+}
+
+impl Entry {
+    pub(crate) const ROOT: Self = Self { id: 0, step_and_kind: 0 };
+
+    const fn is_piece(self) -> bool {
+        self.step_and_kind & 1 != 0
+    }
+}
 
 /// Records of a page.
 const PAGE: usize = 64;
@@ -165,7 +181,7 @@ impl Upload {
 
     /// Prepares copies of the pages that these entries lack, or of the first of them. The device is done with
     /// earlier ones.
-    pub(super) fn bring(
+    pub(crate) fn bring(
         &mut self,
         tree: &mut Tree,
         scene: &Scene,

@@ -4,11 +4,6 @@
 //! branch: the host brings them, and another submission goes on there. Nothing is left out: a list that
 //! overflows is made larger, and the frame is culled anew.
 
-mod rounding;
-#[cfg(test)]
-mod tests;
-mod tree;
-
 use std::mem::offset_of;
 use std::sync::Arc;
 
@@ -18,19 +13,15 @@ use gpu_allocator::MemoryLocation;
 use trimaran_cull::{CutRecord, CutRule, ScreenRecord, StepCounts, View, WholeTraversal};
 use trimaran_proto::DrawableId;
 
-use crate::hzb::Constants;
 use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, HostBuffer};
 use crate::pass::OverDepth;
 use crate::pipeline::{Pipeline, shader};
-use crate::pyramid::{Halving, Pyramid};
+use crate::pyramid::{Constants, Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
+use crate::tree::{Entry, Tree, Upload};
 use crate::{Gpu, GpuError, GpuScene};
-
-pub(crate) use rounding::rounds_as_the_host;
-use tree::Upload;
-pub(crate) use tree::{Tree, TreeBudget};
 
 /// The pipelines and buffers of one culler.
 pub(crate) struct DeviceTraversal {
@@ -73,22 +64,6 @@ pub(crate) struct PyramidDepth<'a> {
     pub(crate) halving: &'a Halving,
     pub(crate) is_built: bool,
     pub(crate) constants: Constants,
-}
-
-/// A node or a piece to visit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Entry {
-    id: u32,
-    step_and_kind: u32,
-}
-
-impl Entry {
-    const ROOT: Self = Self { id: 0, step_and_kind: 0 };
-
-    const fn is_piece(self) -> bool {
-        self.step_and_kind & 1 != 0
-    }
 }
 
 /// The workgroups of a dispatch.
@@ -145,7 +120,7 @@ impl DeviceTraversal {
     /// `None` if the device cannot do that as the host does.
     pub(crate) fn new(scene: &GpuScene) -> Result<Option<Self>, GpuError> {
         let gpu = scene.gpu();
-        let is_able = gpu.limits().max_storage_buffers >= BUFFERS && gpu.rounds_as_the_host()?;
+        let is_able = gpu.limits().max_storage_buffers >= BUFFERS && scene.rounds_as_the_host()?;
         if !(is_able && scene.scene().is_whole()) {
             return Ok(None);
         }
@@ -345,5 +320,73 @@ impl Room {
             visible,
             missing,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_audit::cases::{plant, plant_views};
+    use trimaran_cull::{CutRule, LodRule, OcclusionTest as _, Viewport, WholeTraversal};
+
+    use super::FIRST_CAPACITY;
+    use crate::common::{CheckedGpu, lacks_float64};
+    use crate::tree::TreeBudget;
+    use crate::{GpuScene, OccluderPass};
+
+    type Found = Option<WholeTraversal>;
+
+    /// The traversals of a walk through a plant, each ascending, with a tree and lists of these sizes at
+    /// first. Then the most submissions that a frame took, and the size of the lists at the end.
+    fn walk(gpu: &CheckedGpu, budget: Option<TreeBudget>, capacity: u32) -> (Vec<Found>, u64, u32) {
+        let (seed, objects, size) = (7, 800, Viewport::new(160, 120).unwrap());
+        let scene = plant(seed, objects, DVec3::ZERO).unwrap();
+        let on_device = GpuScene::new(gpu, &scene).unwrap();
+        if let Some(budget) = budget {
+            on_device.limit_tree(budget);
+        }
+        let mut pass = OccluderPass::new(&on_device, size).unwrap();
+        let rule = CutRule::from(LodRule::new(1.0).unwrap());
+        let (mut found, mut most) = (Vec::new(), 0);
+        let views = plant_views(seed, objects, DVec3::ZERO, size, 30).unwrap();
+        pass.begin(&views[0]).unwrap();
+        pass.hzb_test().unwrap().traversal().capacity = capacity;
+        for view in views {
+            pass.begin(&view).unwrap();
+            pass.draw(&[]).unwrap();
+            let before = pass.pass.over_depth().unwrap().stream.submissions();
+            let mut whole = pass.hzb_test().unwrap().traverse(&view, &rule).unwrap();
+            most = most.max(pass.pass.over_depth().unwrap().stream.submissions() - before);
+            whole.iter_mut().for_each(|whole| whole.visible.sort_unstable());
+            found.push(whole);
+        }
+        let capacity = pass.hzb_test().unwrap().traversal().capacity;
+        (found, most, capacity)
+    }
+
+    /// Pages that are absent are brought, and dropped where there is no room, and lists grow. The results are
+    /// those of enough room.
+    #[test]
+    fn a_traversal_with_little_room_gives_the_same_after_more_submissions() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        if lacks_float64(&gpu) {
+            return;
+        }
+        let (expected, with_room, capacity) = walk(&gpu, None, FIRST_CAPACITY);
+        let visible: usize = expected.iter().flatten().map(|whole| whole.visible.len()).sum();
+        assert!(visible > 2000 && capacity == FIRST_CAPACITY, "{visible} drawables");
+        // Room for four pages of nodes.
+        let (found, cramped, _) = walk(&gpu, Some(TreeBudget(4 * 64 * 168)), FIRST_CAPACITY);
+        assert_eq!(found, expected);
+        assert!(cramped > with_room, "{cramped} submissions, {with_room} with room");
+        let (found, _, grown) = walk(&gpu, None, 2);
+        assert_eq!(found, expected);
+        assert!(grown > 2 && grown < FIRST_CAPACITY, "lists of {grown}");
+        // One page of each does not suffice where a node's drawables stand in two: the host culls then.
+        let (found, ..) = walk(&gpu, Some(TreeBudget(1)), FIRST_CAPACITY);
+        let done = found.iter().zip(&expected).filter(|(found, _)| found.is_some());
+        assert!(
+            done.clone().count() < found.len() && done.clone().all(|(found, expected)| found == expected)
+        );
     }
 }
