@@ -85,8 +85,9 @@ fn a_plant_is_culled_as_on_the_host_whatever_is_hidden_or_cut_away() {
     let mut random = Random::new(5);
     let mut all = CullStats::default().counts;
     let (mut steps, mut changed) = (0, 0);
-    for view in plant_views(7, 800, origin, size, 60).unwrap() {
-        let mut state = ViewState::from(Settings::new(size, LodRule::new(random.between(0.5, 8.0)).unwrap()));
+    for view in plant_views(7, 800, origin, size, 120).unwrap() {
+        let mut state =
+            ViewState::from(Settings::new(size, LodRule::new(random.between(-1.0, 7.0).exp2()).unwrap()));
         if random.chance(0.5) {
             let share = random.between(0.0, 0.5);
             let mut some = |share: f64| -> ObjectSet { (0..800).filter(|_| random.chance(share)).collect() };
