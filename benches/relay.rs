@@ -96,8 +96,8 @@ fn measure(walk: &Walk, relays: usize, watchers: u32) -> Result<(), Failed> {
     let [led50, led99] = ranks(&mut led);
     let [watched50, watched99] = ranks(&mut watched);
     let culls = f64::from(notes.culls.get()) / f64::from(frames);
-    print!("| {relays} | {watchers} | {culls:.2} | {bytes:.0} | {led50:.2} | {led99:.2} ");
-    println!("| {watched50:.2} | {watched99:.2} | {missed:.0} of {counted:.0} |");
+    print!("| {relays} | {watchers} | {culls:.2} | {bytes:.0} | {led50} | {led99} ");
+    println!("| {watched50} | {watched99} | {missed:.0} of {counted:.0} |");
     Ok(())
 }
 
@@ -141,11 +141,12 @@ async fn watch(mut link: Link, notes: &Notes) {
     }
 }
 
-/// The median and the 99th percentile.
-fn ranks(ages: &mut [f64]) -> [f64; 2] {
+/// The median and the 99th percentile, as they are printed. Blank without ages.
+fn ranks(ages: &mut [f64]) -> [String; 2] {
     ages.sort_by(f64::total_cmp);
     [0.5, 0.99]
-        .map(|share| ages.get(((ages.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(f64::NAN))
+        .map(|share| ages.get(((ages.len().max(1) - 1) as f64 * share) as usize))
+        .map(|age| age.map_or_else(String::new, |age| format!("{age:.2}")))
 }
 
 /// The bytes that a relay has received from its culler.

@@ -63,9 +63,13 @@ impl CutRecord {
                 Section::Box(kept) => SectionRecord::new(true, kept.min(), kept.max()),
             };
         }
+        let (focal, spread) = LodCut::new(scene, view, rule).focal_and_spread();
+        let [screen_focal, screen_middle, screen_last] = screen.projection().focal_middle_last();
         Self {
             eye: view.eye().to_array(),
             to_view: view.to_view().to_cols_array(),
+            focal,
+            spread,
             near: f64::from(view.camera().near()),
             tan: [view.tan_half_fov_x(), view.tan_half_fov_y()],
             epsilon: rule.lod().epsilon_px(),
@@ -73,25 +77,17 @@ impl CutRecord {
             position_slack: POSITION_SLACK,
             depth_slack: DEPTH_SLACK,
             nearest_tested: BoxMaker::new(view, Outline::OnScreen).nearest_tested(),
+            screen_focal,
+            screen_middle,
+            screen_last,
+            grown: screen.margins().grown,
+            nearer: screen.margins().nearer,
             sections,
             section_count: view.sections().iter().count() as u32,
+            last_level: screen.last_level() as u32,
             budget: BUDGET,
-            ..Self::zeroed()
+            drawable_pages: 0,
         }
-        .with_levels(&LodCut::new(scene, view, rule))
-        .with_screen(&screen)
-    }
-
-    fn with_levels(self, cut: &LodCut<'_>) -> Self {
-        let (focal, spread) = cut.focal_and_spread();
-        Self { focal, spread, ..self }
-    }
-
-    fn with_screen(self, screen: &ScreenRecords) -> Self {
-        let (projection, grown) = (screen.projection(), screen.margins().grown);
-        let [screen_focal, screen_middle, screen_last] = projection.focal_middle_last();
-        let (nearer, last_level) = (projection.nearer, screen.last_level() as u32);
-        Self { screen_focal, screen_middle, screen_last, grown, nearer, last_level, ..self }
     }
 }
 

@@ -166,12 +166,17 @@ fn look_at(level: u32, x: u32, y: u32, list: u32) {
     }
 }
 
-// Whether the workgroup's box shows anywhere, for its first invocation: the others get 0. The box is in place
-// already, and every invocation asks.
+// Whether the box of this number shows anywhere. All invocations of the workgroup ask, and the first one is
+// told: the others get 0.
 //
 // The host visits texels in another order. That changes no answer: a box is hidden only if all that are to be
 // looked at were, and the budget sufficed.
-fn shows(lane: u32) -> u32 {
+fn shows(number: u32, lane: u32) -> u32 {
+    if lane == 0u {
+        shape = boxes[number];
+        atomicStore(&added, 0u);
+    }
+    workgroupBarrier();
     let budget = min(shape.budget, MOST);
     var level = shape.level;
     var list = 0u;

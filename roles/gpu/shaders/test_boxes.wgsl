@@ -4,12 +4,7 @@
 
 @compute @workgroup_size(LANES)
 fn cs_test_boxes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    if lane == 0u {
-        shape = boxes[group.x];
-        atomicStore(&added, 0u);
-    }
-    workgroupBarrier();
-    let answer = shows(lane);
+    let answer = shows(group.x, lane);
     if lane == 0u {
         visible[group.x] = answer;
     }

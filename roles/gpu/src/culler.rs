@@ -48,6 +48,9 @@ impl VulkanCuller {
     ) -> Result<Self, GpuError> {
         let lacks_float64 = scene.gpu().info().lacks.contains(&Optional::Float64);
         let is_checked = scene.gpu().checks_traversals() && !lacks_float64;
+        if scene.gpu().checks_traversals() && lacks_float64 {
+            tracing::warn!("no frame is compared with the host's: the device has no f64 in shaders");
+        }
         Ok(Self {
             pass: OccluderPass::new(scene, size)?,
             occlusion_test,

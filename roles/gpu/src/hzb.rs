@@ -63,10 +63,15 @@ impl Traversal {
         if matches!(self, Self::Untried) {
             let made = match DeviceTraversal::new(scene) {
                 Err(GpuError::Allocation { what, bytes, .. }) => {
-                    tracing::warn!(what, bytes, "the host culls: the device has no memory for that");
+                    tracing::warn!(what, bytes, "the host traverses: the device has no room for the tree");
                     None
                 }
-                made => made?,
+                made => made?.or_else(|| {
+                    tracing::warn!(
+                        "the host traverses: the device rounds f64 differently or binds too few buffers"
+                    );
+                    None
+                }),
             };
             *self = made.map_or(Self::Impossible, |traversal| Self::Ready(Box::new(traversal)));
         }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use trimaran_scene::random::Random;
 
 use crate::layout::{BindingSet, Layout};
 use crate::memory::HostBuffer;
@@ -55,18 +56,11 @@ fn on_host(a: f64, b: f64) -> Results {
 
 /// Pairs of numbers with random bits, and next to where rounding changes: squares, products, whole numbers.
 fn cases() -> impl Iterator<Item = [f64; 2]> {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = move || {
-        // Marsaglia's xorshift.
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        state
-    };
+    let mut random = Random::new(1);
     (0..CASES).map(move |index| {
         // From 2^-30 to 2^31, of either sign.
         let mut number = || {
-            let (bits, exponent) = (random(), random() % 62 + 993);
+            let (bits, exponent) = (random.bits(), random.bits() % 62 + 993);
             f64::from_bits(bits & 1 << 63 | exponent << 52 | bits >> 12)
         };
         let (a, b) = (number(), number());

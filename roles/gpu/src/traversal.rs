@@ -90,7 +90,6 @@ struct Counters {
     visible: u32,
     missing: u32,
     overflow: u32,
-    unused: u32,
     dispatches: [Dispatches; STEPS + 1],
     steps: [StepCounts; STEPS],
 }

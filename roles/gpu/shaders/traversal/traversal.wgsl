@@ -57,7 +57,6 @@ struct Counters {
     missing: atomic<u32>,
     // Set where something found no room.
     overflow: atomic<u32>,
-    unused: u32,
     dispatches: array<Dispatches, 65>,
     steps: array<Step, 64>,
 }
@@ -189,21 +188,20 @@ fn prepare_entry(entry: Entry) {
     let node = nodes[place];
     var body = body_of(node);
     var outcome = Outcome(entry, entry.id, 1u, 0u);
-    var is_hidden = false;
+    var is_gone = false;
     if is_piece(entry) {
         body = piece_of(body, widened(drawable.local_min), widened(drawable.local_max));
+        is_gone = is_outside(body);
     } else {
         let appearance = (appearances[place >> 4u] >> (2u * (place & 15u))) & 3u;
-        is_hidden = appearance == HIDDEN_NODE;
-        if !is_hidden && !is_outside(body) {
-            if !choose(node, body, appearance == MIXED_NODE, &outcome) {
-                leave(entry);
-                return;
-            }
+        is_gone = appearance == HIDDEN_NODE || is_outside(body);
+        if !is_gone && !choose(node, body, appearance == MIXED_NODE, &outcome) {
+            leave(entry);
+            return;
         }
     }
     atomicAdd(&counters.steps[step].visited, 1u);
-    if is_hidden || is_outside(body) {
+    if is_gone {
         atomicAdd(&counters.steps[step].outside, 1u);
         return;
     }
@@ -265,12 +263,7 @@ fn choose(node: Node, body: Body, is_mixed: bool, outcome: ptr<function, Outcome
 
 @compute @workgroup_size(LANES)
 fn cs_test(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    if lane == 0u {
-        shape = boxes[group.x];
-        atomicStore(&added, 0u);
-    }
-    workgroupBarrier();
-    let answer = shows(lane);
+    let answer = shows(group.x, lane);
     if lane == 0u {
         let outcome = outcomes[group.x];
         if answer != 0u {
