@@ -187,6 +187,7 @@ mod tests {
                 begun: Duration::ZERO,
                 drawing: Duration::ZERO,
                 shown: Duration::ZERO,
+                on_device: Duration::ZERO,
                 traffic: SentBytes::default(),
                 arrivals: &[],
             };
