@@ -303,6 +303,10 @@ impl<W: DisplayWork> DisplayWork for Screen<W> {
         drawn
     }
 
+    fn device_time(&self) -> Duration {
+        self.pictures.device_time()
+    }
+
     fn picture(&mut self) -> Result<Option<&Image>, RoleError> {
         self.pictures.picture()
     }

@@ -28,7 +28,12 @@ struct Loader {
 impl PictureDevice for Loader {
     type Error = Infallible;
 
-    fn draw(&mut self, _: &View, solid: &[DrawableId], see_through: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(
+        &mut self,
+        _: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<Duration, Infallible> {
         let before = self.loaded.len();
         self.loaded.extend(solid.iter().chain(see_through));
         self.new = self.loaded.len() - before;
@@ -36,7 +41,7 @@ impl PictureDevice for Loader {
             let visible = solid.len() + see_through.len();
             println!("{visible} drawables visible, {} of them to be loaded", self.new);
         }
-        Ok(())
+        Ok(Duration::ZERO) // of a device
     }
 
     fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {

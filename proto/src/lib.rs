@@ -59,7 +59,7 @@ pub use role_message::RoleMessage;
 pub use section::{Section, SectionBox, SectionError, SectionPlane, Sections};
 pub use settings::Settings;
 pub use settings_error::SettingsError;
-pub use stats::{CullCounts, FrameStats, RoundCounts, SentBytes};
+pub use stats::{CullCounts, DeviceTimes, FrameStats, RoundCounts, SentBytes};
 pub use supply::{BulkError, Demand, NumberList, Supply, items, put_item};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
 pub use view_state::{Appearance, ViewReader, ViewState, ViewStateError};

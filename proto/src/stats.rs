@@ -29,6 +29,8 @@ pub struct FrameStats {
     pub hc_start_ns: u64,
     /// When HC was complete.
     pub hc_end_ns: u64,
+    /// The device's part of this work.
+    pub device: DeviceTimes,
     /// Drawables drawn as occluders, by OR and in further rounds of HC.
     pub occluders: u32,
     /// Their triangles.
@@ -39,6 +41,18 @@ pub struct FrameStats {
     pub rounds: RoundCounts,
     /// Bytes sent to the other culler for the frame (the schedule `switch`). The display counts its own.
     pub to_other: SentBytes,
+}
+
+/// The device's times for a frame's passes, nanoseconds by its own timestamps. 0 where the host did the work,
+/// or the device has no timestamps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct DeviceTimes {
+    /// Drawing: of occluders, in all rounds.
+    pub drawing_ns: u64,
+    /// Building the depth pyramid.
+    pub pyramid_ns: u64,
+    /// Traversing the tree, or testing boxes.
+    pub culling_ns: u64,
 }
 
 /// Bytes sent over one link, by kind: payloads, and the headers of all messages.
@@ -61,6 +75,18 @@ pub struct SentBytes {
     pub headers: u64,
     /// The number of messages, not bytes.
     pub messages: u64,
+}
+
+impl Add for DeviceTimes {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            drawing_ns: self.drawing_ns.saturating_add(other.drawing_ns),
+            pyramid_ns: self.pyramid_ns.saturating_add(other.pyramid_ns),
+            culling_ns: self.culling_ns.saturating_add(other.culling_ns),
+        }
+    }
 }
 
 impl FrameStats {

@@ -22,7 +22,7 @@ impl Walkthrough {
 }
 
 impl Protocol for Walkthrough {
-    const NAME: &'static str = "trimaran/3";
+    const NAME: &'static str = "trimaran/4";
     type Hello = Identity;
     type Latest = Camera;
     type Header = Camera;

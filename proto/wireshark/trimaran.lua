@@ -16,7 +16,7 @@ local KINDS = {
   [0x30] = "message", [0x40] = "block",
 }
 local VERSION = 4
-local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/3", 72, 80
+local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/4", 72, 80
 local ROLES = { [0] = "culler", "display", "relay" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = {
@@ -449,7 +449,8 @@ local function plain_ids(r, tree)
 end
 
 local STATS = {
-  "OR start (ns)", "OR end (ns)", "OR busy (ns)", "HC start (ns)", "HC end (ns)", "occluders", "their triangles",
+  "OR start (ns)", "OR end (ns)", "OR busy (ns)", "HC start (ns)", "HC end (ns)",
+  "device: occluders (ns)", "device: pyramid (ns)", "device: culling (ns)", "occluders", "their triangles",
   "nodes visited", "outside", "tested", "hidden", "visible by a near corner", "visible by the eye inside",
   "visible by a number that is not finite", "drawn for few pixels", "emitted", "refined", "batches of tests",
   "further rounds", "triangles drawn in them", "drawing them, ns", "boxes tested again", "hidden in further rounds",

@@ -6,10 +6,14 @@ use super::format::{
 use super::schema::{METRICS, Report, Run, SweepPoint};
 
 /// The metrics of the printed summary; `report.json` has all.
-const PRINTED: [&str; 15] = [
+const PRINTED: [&str; 19] = [
     "or_ms",
     "hc_ms",
     "rvg_ms",
+    "occluders_device_ms",
+    "pyramid_device_ms",
+    "culling_device_ms",
+    "picture_device_ms",
     "pair_ms",
     "frame_ms",
     "latency_ms",
@@ -253,6 +257,9 @@ mod tests {
         assert!(text.contains("\n           Not exact yet: 512 pixels of 1 audited picture."), "{text}");
         assert!(text.contains("1 such frame became exact, "), "{text}");
         assert!(text.contains("its box covers none of its pixels: 2 nodes, 11 pixels"), "{text}");
+        let passes = text.lines().filter(|l| l.contains(", on the device "));
+        let units: Vec<_> = passes.map(|l| l.split_whitespace().rev().nth(1).unwrap_or_default()).collect();
+        assert_eq!(units, ["ms"; 4], "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
     }
 
@@ -261,7 +268,7 @@ mod tests {
         let text = summary(&sample::bare());
         assert!(text.contains("not audited: nothing is known of its error"), "{text}");
         assert!(text.contains("measured   not measured"), "{text}");
-        assert!(!text.contains("loading"), "{text}");
+        assert!(!text.contains("loading") && !text.contains("on the device"), "{text}");
     }
 
     #[test]

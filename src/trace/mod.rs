@@ -188,6 +188,7 @@ mod tests {
             begun: Duration::ZERO,
             drawing: Duration::ZERO,
             shown: Duration::ZERO,
+            on_device: Duration::ZERO,
             traffic: SentBytes::default(),
             arrivals: Vec::new(),
             stats: (!again).then(FrameStats::default),

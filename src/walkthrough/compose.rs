@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use trimaran_actors::CullerId;
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, SentBytes};
+use trimaran_proto::{Camera, CullCounts, DeviceTimes, DrawableId, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
 use super::{objects::count_objects, path::CameraPath};
@@ -35,6 +35,8 @@ pub struct FrameRecord {
     pub drawing: Duration,
     /// When it was shown.
     pub shown: Duration,
+    /// The device's part of drawing it. Zero if it has no timestamps.
+    pub on_device: Duration,
     /// The traffic between the display and the frame's culler.
     pub traffic: SentBytes,
     /// Pairs of an id count and the time since the begin: one entry for all batches that came at once.
@@ -107,6 +109,7 @@ fn frame(scene: &Scene, path: &CameraPath, record: &FrameRecord, previous: Optio
         .map(|drawable| u64::from(drawable.triangles))
         .sum();
     let stats = record.stats.as_ref();
+    let on_device = |of: fn(&DeviceTimes) -> u64| some_time(Duration::from_nanos(of(&stats?.device)));
     Frame {
         frame: number.0,
         eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
@@ -116,6 +119,10 @@ fn frame(scene: &Scene, path: &CameraPath, record: &FrameRecord, previous: Optio
         or_ms: stats.map(|s| s.or_busy_ns as f64 * 1e-6),
         hc_ms: stats.map(|s| s.hc_end_ns.saturating_sub(s.hc_start_ns) as f64 * 1e-6),
         rvg_ms: Some(milliseconds(record.shown.saturating_sub(record.drawing))),
+        occluders_device_ms: on_device(|times| times.drawing_ns),
+        pyramid_device_ms: on_device(|times| times.pyramid_ns),
+        culling_device_ms: on_device(|times| times.culling_ns),
+        picture_device_ms: some_time(record.on_device),
         frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
         lacking: record.lacking.into(),
         again: record.again,
@@ -192,6 +199,11 @@ fn conservatively_visible(record: &FrameRecord) -> BTreeMap<String, u64> {
     of_culling.chain(loss).map(|(reason, count)| (reason.to_owned(), count.into())).collect()
 }
 
+/// A time of a device: zero means that it was not measured there.
+fn some_time(time: Duration) -> Option<f64> {
+    (time > Duration::ZERO).then(|| milliseconds(time))
+}
+
 fn milliseconds(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
@@ -207,6 +219,12 @@ mod tests {
 
     use super::*;
     use crate::walkthrough::PathChoice;
+
+    #[test]
+    fn a_time_of_a_device_that_was_not_measured_is_none() {
+        let ms = |nanoseconds: u64| some_time(Duration::from_nanos(nanoseconds));
+        assert_eq!([ms(0), ms(500_000), ms(2_500_000)], [None, Some(0.5), Some(2.5)]);
+    }
 
     #[test]
     fn a_frame_shown_again_has_times_of_its_own_and_no_latency_and_no_bytes() {
@@ -228,6 +246,7 @@ mod tests {
                 begun: ms(published),
                 drawing: ms(shown - 1),
                 shown: ms(shown),
+                on_device: Duration::ZERO,
                 traffic: SentBytes { ids: if again { 0 } else { 12 }, ..SentBytes::default() },
                 arrivals: Vec::new(),
                 stats: None,

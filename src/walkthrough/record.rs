@@ -142,6 +142,7 @@ impl Observer for Recorder<'_> {
             begun: self.walked + frame.begun,
             drawing: self.walked + frame.drawing,
             shown: self.walked + frame.shown,
+            on_device: frame.on_device,
             traffic: frame.traffic,
             arrivals: frame.arrivals.to_vec(),
             stats: None,
@@ -187,6 +188,7 @@ mod tests {
                 begun: Duration::ZERO,
                 drawing: Duration::ZERO,
                 shown: Duration::ZERO,
+                on_device: Duration::ZERO,
                 traffic: SentBytes::default(),
                 arrivals: &[],
             };

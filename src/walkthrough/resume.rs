@@ -65,6 +65,7 @@ pub(super) struct FrameState {
     begun: Duration,
     drawing: Duration,
     shown: Duration,
+    on_device: Duration,
     traffic: SentBytes,
     arrivals: Vec<(u32, Duration)>,
     stats: Option<FrameStats>,
@@ -171,7 +172,8 @@ impl Keeper {
     /// The next frame.
     pub(super) fn keep(&mut self, record: &FrameRecord) -> FrameState {
         let FrameRecord { camera, culler, ids, for_loss, lacking, again, picture, .. } = record;
-        let FrameRecord { published, begun, drawing, shown, traffic, arrivals, stats, .. } = record;
+        let FrameRecord { published, begun, drawing, shown, on_device, traffic, arrivals, stats, .. } =
+            record;
         let ids: BTreeSet<_> = ids.iter().copied().collect();
         let mut below = 0;
         let gap = |id: &DrawableId| id.0 - std::mem::replace(&mut below, id.0);
@@ -189,6 +191,7 @@ impl Keeper {
             begun: *begun,
             drawing: *drawing,
             shown: *shown,
+            on_device: *on_device,
             traffic: *traffic,
             arrivals: arrivals.clone(),
             stats: *stats,
@@ -231,6 +234,7 @@ impl FrameState {
             begun: self.begun,
             drawing: self.drawing,
             shown: self.shown,
+            on_device: self.on_device,
             traffic: self.traffic,
             arrivals: self.arrivals.clone(),
             stats: self.stats,
@@ -275,6 +279,7 @@ mod tests {
                 begun: Duration::from_nanos(2),
                 drawing: Duration::from_nanos(3),
                 shown: Duration::from_nanos(4),
+                on_device: Duration::from_nanos(5),
                 traffic: SentBytes { ids: 12, ..SentBytes::default() },
                 arrivals: vec![(5, Duration::from_nanos(6))],
                 stats: (number > 0).then(FrameStats::default),

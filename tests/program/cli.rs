@@ -206,6 +206,12 @@ fn walks_over_every_transport_and_with_any_number_of_cullers_show_the_same() {
             frame["or_ms"].is_number() && frame["hc_ms"].is_number(),
             "the cullers' times arrived: {frame}"
         );
+        let end = frame["timeline"].as_array().unwrap().iter().filter_map(|span| span["end_ms"].as_f64());
+        let end = end.fold(0.0, f64::max);
+        for key in ["occluders_device_ms", "picture_device_ms"] {
+            let ms = frame[key].as_f64().unwrap();
+            assert!(ms > 0.0 && ms <= end, "{key} within the walk: {frame}");
+        }
         let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
         assert_eq!(ids, 4 * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
     }

@@ -1,6 +1,6 @@
 //! Whole sessions with a fault: the audit finds the losses, and names the faulty step.
 
-use std::{collections::BTreeMap, error::Error, sync::Arc, time::Duration};
+use std::{collections::BTreeMap, error::Error, sync::Arc};
 
 use trimaran::vulkan::{VulkanCuller, VulkanCullerError};
 use trimaran::{
@@ -63,7 +63,7 @@ impl CullerDevice for Faulty {
         self.sound.draw_occluders(ids)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
+    fn finish_occluders(&mut self) -> Result<(), VulkanCullerError> {
         self.sound.finish_occluders()
     }
 

@@ -128,6 +128,7 @@ fn walk() -> Workload {
             begun: ms(1),
             drawing: ms(2),
             shown: ms(4),
+            on_device: ms(0),
             traffic: SentBytes::default(),
             arrivals: vec![(ids.len() as u32, ms(2))],
             stats: Some(FrameStats { or_busy_ns: busy, hc_end_ns: busy, ..FrameStats::default() }),

@@ -96,7 +96,7 @@ fn the_examples_are_read_field_by_field() {
                 "trimaran.role",
                 "trimaran.settings.batch",
             ][..],
-            "trimaran/3|0x0000000000000005|0|1|256",
+            "trimaran/4|0x0000000000000005|0|1|256",
         ),
         (
             "hello",
@@ -140,6 +140,11 @@ fn the_examples_are_read_field_by_field() {
         ("begin", &["trimaran.begin", "trimaran.camera.view"], "9|3"),
         ("ids", &["trimaran.ids", "trimaran.id"], "2|1;258"),
         ("stats", &["trimaran.message", "trimaran.stats", "trimaran.stats.occluders_of"], "0|9|7"),
+        (
+            "stats",
+            &["trimaran.stats.value"],
+            "1;300;0;0;0;200;20;60;0;0;5;0;0;0;0;0;0;0;2;0;0;0;0;0;0;0;0;0;0;0;0;0;0;0",
+        ),
         (
             "meet",
             &["trimaran.message", "trimaran.meeting", "trimaran.meet.at"],
@@ -242,10 +247,10 @@ fn each_refusal_is_read_with_its_values() {
         (Refusal::Version { listener: version, connector: version }, "0||||"),
         (
             Refusal::Protocol {
-                listener: ProtocolName::new("trimaran/3"),
+                listener: ProtocolName::new("trimaran/4"),
                 connector: ProtocolName::new("robot/1"),
             },
-            "1|trimaran/3;robot/1|||",
+            "1|trimaran/4;robot/1|||",
         ),
         (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
         (Refusal::Session { session, lane }, "3|||0x0000000000000005|1"),

@@ -168,7 +168,7 @@ fn a_peer_is_called_by_its_role() {
         assert_eq!(Walkthrough::name(&hello), name);
         assert_eq!(Walkthrough::role(&hello).as_deref(), Some(name));
     }
-    assert_eq!(ProtocolName::new(Walkthrough::NAME).as_str(), "trimaran/3");
+    assert_eq!(ProtocolName::new(Walkthrough::NAME).as_str(), "trimaran/4");
 }
 
 #[test]

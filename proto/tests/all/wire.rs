@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, CullCounts, Demand, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
-    Identity, LeaderKey, LodRule, NumberList, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash,
-    SceneOutline, Section, SectionPlane, Sections, SessionKey, Settings, Supply, ViewReader, ViewState,
-    ViewVersion, Viewport, Walkthrough, items, put_item,
+    BatchSize, Camera, CloseCode, CullCounts, Demand, DeviceTimes, DrawableId, FrameNumber, FrameStats,
+    IdBatch, IdCoding, Identity, LeaderKey, LodRule, NumberList, OcclusionTestKind, RejectionCode, Role,
+    RoleMessage, SceneHash, SceneOutline, Section, SectionPlane, Sections, SessionKey, Settings, Supply,
+    ViewReader, ViewState, ViewVersion, Viewport, Walkthrough, items, put_item,
 };
 use trimaran_wire::{
     Accept, ChannelList, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane,
@@ -58,6 +58,7 @@ fn stats() -> FrameStats {
         occluders_of: Some(FrameNumber(7)),
         or_start_ns: 1,
         or_end_ns: 300,
+        device: DeviceTimes { drawing_ns: 200, pyramid_ns: 20, culling_ns: 60 },
         culling: CullCounts { visited: 5, emitted: 2, ..CullCounts::default() },
         ..FrameStats::default()
     }

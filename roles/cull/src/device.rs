@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_proto::{DrawableId, OcclusionTestKind};
+use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
 use crate::{DepthImage, Image, OcclusionTest, View};
 
@@ -42,19 +42,18 @@ pub trait CullerDevice: OcclusionTest {
     /// Those of the device.
     fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error>;
 
-    /// Completes the depth and returns the device's busy time. More occluders may be drawn over it
-    /// afterwards, and it be completed again.
+    /// Completes the depth. More occluders may be drawn over it afterwards, and it be completed again.
     ///
     /// # Errors
     /// Those of the device.
-    fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
+    fn finish_occluders(&mut self) -> Result<(), Self::Error>;
 
     /// Completes the depth like [`finish_occluders`](Self::finish_occluders), but need not wait for the
-    /// device: the next test does. Then the time is only that of the host.
+    /// device: the next test does.
     ///
     /// # Errors
     /// Those of the device.
-    fn submit_occluders(&mut self) -> Result<Duration, Self::Error> {
+    fn submit_occluders(&mut self) -> Result<(), Self::Error> {
         self.finish_occluders()
     }
 
@@ -64,8 +63,16 @@ pub trait CullerDevice: OcclusionTest {
     /// Those of the device.
     fn add_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error> {
         self.draw_occluders(ids)?;
-        self.submit_occluders()?;
-        Ok(())
+        self.submit_occluders()
+    }
+
+    /// The device's times since the last call. It does not wait for the device: if work may still be going on
+    /// there, all times so far come with a later call, at the latest in the next frame.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn take_times(&mut self) -> Result<DeviceTimes, Self::Error> {
+        Ok(DeviceTimes::default())
     }
 
     /// The depth of the most recently finished occluders, for audits. Sessions leave it on the device.
@@ -85,7 +92,8 @@ pub trait PictureDevice {
         let _ = cancel;
     }
 
-    /// Draws `solid`, then `see_through` over it, each in the given order, and waits for the end.
+    /// Draws `solid`, then `see_through` over it, each in the given order, and waits for the end. Returns the
+    /// device's time, measured by its own timestamps: zero if it has none.
     ///
     /// # Errors
     /// As the device says.
@@ -94,7 +102,7 @@ pub trait PictureDevice {
         view: &View,
         solid: &[DrawableId],
         see_through: &[DrawableId],
-    ) -> Result<(), Self::Error>;
+    ) -> Result<Duration, Self::Error>;
 
     /// Reads the last picture back into `picture`, reusing its memory.
     ///

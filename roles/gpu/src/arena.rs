@@ -175,7 +175,7 @@ impl Copies {
             return Ok(());
         }
         let Self { stream, staging, regions, .. } = self;
-        stream.submit(OPERATION, |commands| {
+        stream.submit(OPERATION, None, |commands| {
             commands.copy(staging.buffer(), buffer, regions);
             let any = (vk::PipelineStageFlags2::ALL_COMMANDS, vk::AccessFlags2::MEMORY_READ);
             commands.barrier(scope::COPY_WRITE, any);

@@ -1,14 +1,13 @@
 //! The device of a culler: an occluder pass with one of its occlusion tests.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_cull::{
     Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
     Outline, TestBox, View, Viewport, WholeTraversal,
 };
-use trimaran_proto::{DrawableId, OcclusionTestKind};
+use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
 use crate::{GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
 
@@ -33,6 +32,8 @@ pub struct VulkanCuller {
     is_checked: bool,
     /// On the host, if the pyramid is there.
     pyramid: DepthPyramid,
+    /// Of work that was not done when its frame ended.
+    late: DeviceTimes,
 }
 
 impl VulkanCuller {
@@ -57,6 +58,7 @@ impl VulkanCuller {
             hzb_place: if is_checked { HzbPlace::Device } else { scene.gpu().info().hzb_place },
             is_checked,
             pyramid: DepthPyramid::default(),
+            late: DeviceTimes::default(),
         })
     }
 
@@ -81,6 +83,8 @@ impl CullerDevice for VulkanCuller {
     }
 
     fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanCullerError> {
+        // Beginning waits as well.
+        self.late = self.pass.pass.take_times()?;
         Ok(self.pass.begin(view)?)
     }
 
@@ -89,21 +93,24 @@ impl CullerDevice for VulkanCuller {
         Ok(self.pass.flush()?)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
-        let timing = self.pass.finish()?;
+    fn finish_occluders(&mut self) -> Result<(), VulkanCullerError> {
+        self.pass.pass.complete()?;
         if (self.occlusion_test, self.hzb_place) == (OcclusionTestKind::Hzb, HzbPlace::Host) {
             self.pyramid.rebuild(self.pass.read_depth()?);
         }
-        Ok(Duration::try_from_secs_f64(timing.device_ms * 1e-3).unwrap_or_default())
+        Ok(())
     }
 
     /// On the device the next submission waits for this one.
-    fn submit_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
+    fn submit_occluders(&mut self) -> Result<(), VulkanCullerError> {
         if (self.occlusion_test, self.hzb_place) != (OcclusionTestKind::Hzb, HzbPlace::Device) {
             return self.finish_occluders();
         }
-        self.pass.flush()?;
-        Ok(Duration::ZERO)
+        Ok(self.pass.flush()?)
+    }
+
+    fn take_times(&mut self) -> Result<DeviceTimes, VulkanCullerError> {
+        Ok(std::mem::take(&mut self.late) + self.pass.pass.take_times_if_done()?)
     }
 
     fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanCullerError> {
@@ -137,7 +144,7 @@ impl OcclusionTest for VulkanCuller {
                 let found = self.pass.hzb_test()?.traverse(view, rule)?;
                 if found.is_some() {
                     // The device is done, and other geometry may take the occluders' place.
-                    self.pass.finish()?;
+                    self.pass.pass.complete()?;
                 }
                 Ok(found)
             }
@@ -160,6 +167,129 @@ impl OcclusionTest for VulkanCuller {
         match self.occlusion_test {
             OcclusionTestKind::Query | OcclusionTestKind::Raster => Answer::PixelCount,
             OcclusionTestKind::Hzb => Answer::YesNo,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+    use trimaran_cull::LodRule;
+    use trimaran_proto::{Settings, ViewState};
+
+    use super::*;
+    use crate::common::{self, CheckedGpu, ids, upload, view};
+    use crate::timing::Stopwatch;
+
+    const TESTS: [(OcclusionTestKind, HzbPlace); 4] = [
+        (OcclusionTestKind::Query, HzbPlace::Host),
+        (OcclusionTestKind::Raster, HzbPlace::Host),
+        (OcclusionTestKind::Hzb, HzbPlace::Host),
+        (OcclusionTestKind::Hzb, HzbPlace::Device),
+    ];
+
+    /// A box behind the wall.
+    const BEHIND: TestBox = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
+
+    struct Walled {
+        culler: VulkanCuller,
+        view: View,
+    }
+
+    impl Walled {
+        /// A wall 2 m away, and the tests that run on the device: `None` if it cannot.
+        fn new(gpu: &CheckedGpu, (kind, place): (OcclusionTestKind, HzbPlace)) -> Option<Self> {
+            if place == HzbPlace::Device && common::lacks_float64(gpu) {
+                return None;
+            }
+            let scene = upload(gpu, &[common::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+            let view = view(64, 64, DVec3::ZERO);
+            let culler = VulkanCuller::new(&scene, view.viewport(), kind).unwrap().with_hzb_at(place);
+            Some(Self { culler, view })
+        }
+
+        fn draw(&mut self) {
+            self.culler.begin_occluders(&self.view).unwrap();
+            self.culler.draw_occluders(&ids(1)).unwrap();
+            self.culler.submit_occluders().unwrap();
+        }
+
+        fn test_box(&mut self) {
+            let mut visible = Vec::new();
+            self.culler.test(&self.view, &[BEHIND], &mut visible).unwrap();
+            assert_eq!(visible, [0]);
+        }
+
+        /// The times until here, which count once.
+        fn take_times(&mut self) -> DeviceTimes {
+            let times = self.culler.take_times().unwrap();
+            assert_eq!(self.culler.take_times().unwrap(), DeviceTimes::default());
+            times
+        }
+    }
+
+    fn is_some(times: DeviceTimes) -> [bool; 3] {
+        [times.drawing_ns, times.pyramid_ns, times.culling_ns].map(|time| time > 0)
+    }
+
+    #[test]
+    fn each_pass_on_the_device_has_a_time_and_together_they_are_no_longer_than_the_frame() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        for test in TESTS {
+            let Some(mut walled) = Walled::new(&gpu, test) else { continue };
+            for _ in 0..2 {
+                let mut frame = Stopwatch::default();
+                let times = frame.measure(|| {
+                    walled.draw();
+                    walled.test_box();
+                    walled.take_times()
+                });
+                let on_device = test.1 == HzbPlace::Device;
+                let expected = [true, on_device, on_device || test.0 != OcclusionTestKind::Hzb];
+                assert_eq!(is_some(times), expected, "{test:?}: {times:?}");
+                let sum = times.drawing_ns + times.pyramid_ns + times.culling_ns;
+                assert!(sum as f64 * 1e-6 <= frame.take_ms(), "{test:?}: {times:?}");
+                // The pyramid is there already.
+                walled.test_box();
+                assert_eq!(is_some(walled.take_times()), [false, false, expected[2]], "{test:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_traversal_and_its_pyramid_have_times_of_their_own() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let Some(mut walled) = Walled::new(&gpu, (OcclusionTestKind::Hzb, HzbPlace::Device)) else { return };
+        let scene = Arc::clone(walled.culler.pass.pass.scene().scene());
+        let settings = Settings::new(walled.view.viewport(), LodRule::new(1.0).unwrap());
+        let rule = CutRule::new(&scene, &ViewState::from(settings));
+        // The first traversal brings the tree, which takes further submissions.
+        for _ in 0..2 {
+            walled.draw();
+            assert!(walled.culler.traverse(&walled.view, &rule).unwrap().is_some());
+            assert_eq!(is_some(walled.take_times()), [true; 3]);
+        }
+    }
+
+    #[test]
+    fn work_that_outlives_its_frame_counts_in_the_next_one() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let Some(mut walled) = Walled::new(&gpu, (OcclusionTestKind::Hzb, HzbPlace::Device)) else { return };
+        walled.draw();
+        assert_eq!(walled.take_times(), DeviceTimes::default(), "nobody waits for the device");
+        walled.culler.begin_occluders(&walled.view).unwrap();
+        assert_eq!(is_some(walled.take_times()), [true, false, false]);
+    }
+
+    #[test]
+    fn a_device_without_timestamps_has_no_times() {
+        for test in TESTS {
+            let Some(mut gpu) = CheckedGpu::open() else { return };
+            Arc::get_mut(&mut gpu).unwrap().forget_timestamps();
+            let Some(mut walled) = Walled::new(&gpu, test) else { continue };
+            walled.draw();
+            walled.test_box();
+            assert_eq!(walled.take_times(), DeviceTimes::default(), "{test:?}");
         }
     }
 }

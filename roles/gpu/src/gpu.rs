@@ -160,6 +160,12 @@ impl Gpu {
         &self.limits
     }
 
+    /// From here on it is a device without timestamps.
+    #[cfg(test)]
+    pub(crate) const fn forget_timestamps(&mut self) {
+        self.limits.timestamp_period_ns = 0.0;
+    }
+
     /// The time limit of one submission.
     pub(crate) const fn timeout(&self) -> Duration {
         self.timeout

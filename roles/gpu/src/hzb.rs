@@ -17,6 +17,7 @@ use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Constants, Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
+use crate::timing::Pass;
 use crate::traversal::{DeviceTraversal, PyramidDepth};
 use crate::{Gpu, GpuError, GpuScene, Optional};
 
@@ -119,8 +120,10 @@ impl OcclusionTest for DeviceHzbTest<'_> {
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, depth, version, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
-            stream.submit(OPERATION, |commands| {
-                if *pyramid_of != Some(version) {
+            let is_built = *pyramid_of == Some(version);
+            let pass = if is_built { Pass::Culling } else { Pass::Pyramid };
+            stream.submit(OPERATION, Some(pass), |commands| {
+                if !is_built {
                     pyramid.build(commands, halving, depth);
                 }
                 commands.bind(pipeline, &constants);

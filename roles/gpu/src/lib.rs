@@ -42,7 +42,7 @@
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
 //! | `culler` | the device of a culler: occluders, and one of the tests |
 //! | `window` | pictures in windows of the system, with the feature `window` |
-//! | `timing`, `validation` | the times of a pass, messages of the validation layer |
+//! | `timing`, `timestamps`, `validation` | times of passes, validation messages |
 //!
 //! # Soundness
 //! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`, `recorder`,
@@ -95,6 +95,7 @@ mod scope;
 mod sections;
 mod solid_pass;
 mod stream;
+mod timestamps;
 mod timing;
 mod traversal;
 mod tree;

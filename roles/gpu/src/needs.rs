@@ -42,7 +42,7 @@ impl Optional {
             Self::GeometryShader => {
                 "audits fetch vertices from storage buffers, which is slower; walks are as fast as with it"
             }
-            Self::Timestamps => "device times of passes are 0 in reports",
+            Self::Timestamps => "reports lack device times of passes",
             Self::Float64 => "hzb tests boxes on the host, which costs where the depth crosses a bus",
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::{Cancel, DepthImage, View, Viewport};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{DeviceTimes, DrawableId};
 
 use crate::camera::CameraConstants;
 use crate::draw_record::Fetch;
@@ -20,7 +20,7 @@ use crate::reuse::reuse_or_make;
 use crate::scene::Hold;
 use crate::sections::SectionPlanes;
 use crate::stream::Stream;
-use crate::timing::{PassTiming, Stopwatch};
+use crate::timing::{Pass, PassTiming, Stopwatch};
 #[cfg(feature = "window")]
 use crate::window::Acquired;
 use crate::{Gpu, GpuError, GpuScene};
@@ -190,7 +190,7 @@ impl ScenePass {
         let Self { stream, kind, pipelines, attachments, has_sky, .. } = self;
         let Some(sky) = pipelines.sky()?.filter(|_| !*has_sky) else { return Ok(()) };
         let constants = CameraConstants::new(&view);
-        stream.submit(kind.name, |commands| {
+        stream.submit(kind.name, Some(Pass::Drawing), |commands| {
             commands.render(attachments.targets(kind, false), || {
                 commands.bind(sky, &constants);
                 commands.draw(3, 0..1);
@@ -237,7 +237,7 @@ impl ScenePass {
         self.flush()?;
         let submitted = self.scene.set().submitted();
         // A signal comes after all earlier submissions, by other passes as well.
-        self.stream.submit(self.kind.name, |_| {})?;
+        self.stream.submit(self.kind.name, None, |_| {})?;
         self.stream.wait(self.kind.name)?;
         self.scene.set().release_all(&submitted);
         self.renew()
@@ -279,7 +279,7 @@ impl ScenePass {
             let pipeline = pipelines.get(*style)?;
             let clear = std::mem::replace(fresh, false);
             recording.measure(|| {
-                stream.submit(kind.name, |commands| {
+                stream.submit(kind.name, Some(Pass::Drawing), |commands| {
                     commands.render(attachments.targets(kind, clear), || {
                         commands.bind(pipeline, &constants);
                         commands.bind_set(pipeline, set);
@@ -295,12 +295,29 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Flushes, waits for the device, and returns the frame's times since `begin`.
-    pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
+    /// Flushes, and waits for the device: other geometry may take the place of the frame's.
+    pub(crate) fn complete(&mut self) -> Result<(), GpuError> {
         self.flush()?;
-        let device_ms = self.stream.take_busy_ms(self.kind.name)?;
+        self.stream.wait(self.kind.name)?;
         self.scene.set().release(self.hold.id());
+        Ok(())
+    }
+
+    /// Completes the frame, and returns its times since `begin`.
+    pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
+        self.complete()?;
+        let device_ms = self.take_times()?.drawing_ns as f64 * 1e-6;
         Ok(PassTiming { device_ms, host_ms: self.recording.take_ms() })
+    }
+
+    /// Waits, and returns the device's times of all submissions since the last call or `begin`.
+    pub(crate) fn take_times(&mut self) -> Result<DeviceTimes, GpuError> {
+        self.stream.take_times(self.kind.name)
+    }
+
+    /// The same if the last wait was for all submissions. Otherwise no times, and those of all later.
+    pub(crate) fn take_times_if_done(&mut self) -> Result<DeviceTimes, GpuError> {
+        self.stream.take_times_if_done(self.kind.name)
     }
 
     /// The resources for an occlusion test over the pass's depth. Earlier draws are submitted first.
@@ -318,7 +335,8 @@ impl ScenePass {
         self.fill_sky()?;
         let attachments = &mut self.attachments;
         let Acquired { image, extent, available, filled, .. } = *acquired;
-        self.stream.submit_between("showing a picture", Some((available, filled)), |commands| {
+        let pass = Some(Pass::Drawing);
+        self.stream.submit_between("showing a picture", pass, Some((available, filled)), |commands| {
             if let Some(colour) = &mut attachments.colour {
                 commands.fill_window(colour, attachments.size, image, extent);
             }
@@ -362,7 +380,7 @@ fn read_back<'b, T: bytemuck::Pod>(
     let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
     let make = || HostBuffer::new(image.gpu(), OPERATION, usage, location, count);
     let buffer = reuse_or_make(into, |buffer| buffer.len() == count, make)?;
-    stream.submit(OPERATION, |commands| commands.copy_to_host(image, size, buffer.buffer()))?;
+    stream.submit(OPERATION, None, |commands| commands.copy_to_host(image, size, buffer.buffer()))?;
     stream.wait(OPERATION)?;
     Ok(buffer.elements())
 }

@@ -1,6 +1,7 @@
 //! The picture pass (RVG): shaded colour.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use ash::vk;
 use trimaran_cull::{Cancel, DepthImage, Image, PictureDevice, View, Viewport};
@@ -235,12 +236,12 @@ impl PictureDevice for PicturePass {
         view: &View,
         solid: &[DrawableId],
         see_through: &[DrawableId],
-    ) -> Result<(), GpuError> {
+    ) -> Result<Duration, GpuError> {
         self.begin(view)?;
         self.draw(solid)?;
         self.draw_see_through(see_through)?;
-        self.finish()?;
-        Ok(())
+        let timing = self.finish()?;
+        Ok(Duration::try_from_secs_f64(timing.device_ms * 1e-3).unwrap_or_default())
     }
 
     fn read(&mut self, picture: &mut Image) -> Result<(), GpuError> {

@@ -11,6 +11,7 @@ use crate::memory::{Buffer, Image};
 use crate::pipeline::{Pipeline, shader};
 use crate::recorder::Recorder;
 use crate::scope;
+use crate::timing::Pass;
 use crate::{Gpu, GpuError};
 
 /// Makes a pyramid's levels, up to [`LEVELS`] at once from the next finer one.
@@ -111,22 +112,25 @@ impl Pyramid {
         Constants { margins, width: self.size.width(), starts, step: 0, capacity: 0 }
     }
 
-    /// Builds all levels over `depth`, for shaders to read.
+    /// Builds all levels over `depth`, for shaders to read: from there on the work is culling.
     pub(crate) fn build(&self, commands: &Recorder<'_>, halving: &Halving, depth: &mut Image) {
         let read = (
             vk::PipelineStageFlags2::COMPUTE_SHADER,
             vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
         );
         commands.copy_image(depth, self.size, &self.texels);
-        commands.barrier(scope::COPY_WRITE, read);
+        let mut written = scope::COPY_WRITE;
         // All but the single texel at the end have coarser ones.
         let finer = self.levels.split_last().map(|(_, finer)| finer).unwrap_or_default();
         for &Level { start, width, height } in finer.iter().step_by(LEVELS) {
+            commands.barrier(written, read);
             commands.bind(&halving.pipeline, &Finer { start, width, height });
             commands.bind_set(&halving.pipeline, &self.set);
             commands.dispatch([width, height].map(|side| side.div_ceil(GROUP)));
-            commands.barrier(scope::COMPUTE_WRITE, read);
+            written = scope::COMPUTE_WRITE;
         }
+        commands.begin_pass(Pass::Culling);
+        commands.barrier(written, read);
     }
 }
 
@@ -198,7 +202,7 @@ mod tests {
             commands.copy(&pyramid.texels, read.buffer(), &[all]);
             commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
         };
-        stream.submit("building levels", record).unwrap();
+        stream.submit("building levels", Some(Pass::Pyramid), record).unwrap();
         stream.wait("building levels").unwrap();
         read.elements().to_vec()
     }

@@ -14,6 +14,7 @@ use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::reuse::reuse_or_make;
+use crate::timing::Pass;
 use crate::{Gpu, GpuError};
 
 /// Tests boxes by precise occlusion queries, one per box, all of a batch before the first is read. Counts
@@ -63,7 +64,7 @@ impl OcclusionTest for QueryTest<'_> {
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
-            stream.submit(OPERATION, |commands| {
+            stream.submit(OPERATION, Some(Pass::Culling), |commands| {
                 commands.reset_queries(room.pool, records.len() as u32);
                 for first in (0..records.len()).step_by(QUERIES_PER_PASS) {
                     let last = records.len().min(first + QUERIES_PER_PASS);

@@ -14,6 +14,7 @@ use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::reuse::reuse_or_make;
 use crate::scope;
+use crate::timing::Pass;
 use crate::{Gpu, GpuError};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one
@@ -68,7 +69,7 @@ impl OcclusionTest for RasterTest<'_> {
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
-            stream.submit(OPERATION, |commands| {
+            stream.submit(OPERATION, Some(Pass::Culling), |commands| {
                 commands.fill(&room.counts, 0);
                 commands.barrier(scope::FILL, count);
                 commands.render(OverDepth::targets(depth, size), || {

@@ -14,11 +14,15 @@ use crate::layout::{BindingSet, STAGES};
 use crate::memory::{Buffer, HostBuffer, Image, ImageUse, layers, whole};
 use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
 use crate::scope::{self, Scope};
+use crate::timestamps::PieceTimestamps;
+use crate::timing::Pass;
 
 /// A command buffer being recorded.
 pub(crate) struct Recorder<'a> {
     device: &'a ash::Device,
     commands: vk::CommandBuffer,
+    /// If the commands are timed.
+    timestamps: Option<&'a PieceTimestamps<'a>>,
 }
 
 /// The attachments of a render pass, and how it begins.
@@ -31,8 +35,20 @@ pub(crate) struct Targets<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub(crate) const fn new(device: &'a ash::Device, commands: vk::CommandBuffer) -> Self {
-        Self { device, commands }
+    pub(crate) const fn new(
+        device: &'a ash::Device,
+        commands: vk::CommandBuffer,
+        timestamps: Option<&'a PieceTimestamps<'a>>,
+    ) -> Self {
+        Self { device, commands, timestamps }
+    }
+
+    /// Counts the time from here on as that of `pass`: once in a piece of work. It is exact if a barrier
+    /// follows.
+    pub(crate) fn begin_pass(&self, pass: Pass) {
+        if let Some(timestamps) = self.timestamps {
+            timestamps.begin(Some(pass));
+        }
     }
 
     /// Runs `draw` inside a render pass over the targets.

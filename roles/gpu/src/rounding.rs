@@ -33,7 +33,7 @@ pub(crate) fn rounds_as_the_host(gpu: &Arc<Gpu>) -> Result<bool, GpuError> {
     let set = BindingSet::new(&layout, &[numbers.buffer(), results.buffer()])?;
     numbers.elements_mut().iter_mut().zip(cases()).for_each(|(slot, case)| *slot = case);
     let mut stream = Stream::new(gpu)?;
-    stream.submit(OPERATION, |commands| {
+    stream.submit(OPERATION, None, |commands| {
         commands.bind(&pipeline, &0_u32);
         commands.bind_set(&pipeline, &set);
         commands.dispatch([CASES as u32 / 64, 1]);

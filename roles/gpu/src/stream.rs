@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use ash::vk;
 use trimaran_cull::Cancel;
+use trimaran_proto::DeviceTimes;
 
 use crate::error::During as _;
 use crate::recorder::Recorder;
-use crate::timing::Moment;
+use crate::timestamps::{PieceTimestamps, Timestamps};
+use crate::timing::{Moment, Pass};
 use crate::wait::{End, SLICE, Wait};
 use crate::{DeviceKind, Gpu, GpuError};
 
@@ -21,19 +23,19 @@ pub(crate) struct Stream {
     broken: bool,
     pool: vk::CommandPool,
     buffers: Vec<vk::CommandBuffer>,
-    /// Two timestamps per piece: before and after it.
-    timestamps: vk::QueryPool,
+    timestamps: Timestamps,
     /// Counts finished pieces: piece n signals n.
     timeline: vk::Semaphore,
     submitted: u64,
-    /// Pieces whose times were not read yet.
+    /// Used command buffers.
     pieces: usize,
     /// The device may not be done with all of them.
     pending: bool,
-    busy_ms: f64,
+    /// Those of timestamps that are read.
+    times: DeviceTimes,
 }
 
-/// The most pieces whose times were not read; the next one waits and reads them. A frame has a few.
+/// The most pieces whose command buffers are used; the next one waits for them. A frame has a few.
 const MAX_PIECES: usize = 64;
 
 impl Stream {
@@ -47,26 +49,22 @@ impl Stream {
             broken: false,
             pool: vk::CommandPool::null(),
             buffers: Vec::new(),
-            timestamps: vk::QueryPool::null(),
+            timestamps: Timestamps::new(gpu, MAX_PIECES as u32)?,
             timeline: vk::Semaphore::null(),
             submitted: 0,
             pieces: 0,
             pending: false,
-            busy_ms: 0.0,
+            times: DeviceTimes::default(),
         };
         let device = gpu.device();
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(gpu.queue_family())
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-        let queries = vk::QueryPoolCreateInfo::default()
-            .query_type(vk::QueryType::TIMESTAMP)
-            .query_count(2 * MAX_PIECES as u32);
         let mut timeline = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut timeline);
         // SAFETY: the device is alive, has this queue family, and timeline semaphores are enabled.
         unsafe {
             stream.pool = device.create_command_pool(&pool, None).during(OPERATION)?;
-            stream.timestamps = device.create_query_pool(&queries, None).during(OPERATION)?;
             stream.timeline = device.create_semaphore(&semaphore, None).during(OPERATION)?;
         }
         let info = vk::CommandBufferAllocateInfo::default()
@@ -93,13 +91,15 @@ impl Stream {
         }
     }
 
-    /// Records one piece of work and submits it. `operation` names it in errors.
+    /// Records one piece of work and submits it. `operation` names it in errors. Its time counts as that of
+    /// `pass`, if it has one, until the recorder [begins](Recorder::begin_pass) another.
     pub(crate) fn submit(
         &mut self,
         operation: &'static str,
+        pass: Option<Pass>,
         record: impl FnOnce(&Recorder<'_>),
     ) -> Result<(), GpuError> {
-        self.submit_between(operation, None, record)
+        self.submit_between(operation, pass, None, record)
     }
 
     /// The same, where the piece begins its transfers once the first semaphore is signalled, and signals the
@@ -107,6 +107,7 @@ impl Stream {
     pub(crate) fn submit_between(
         &mut self,
         operation: &'static str,
+        pass: Option<Pass>,
         semaphores: Option<(vk::Semaphore, vk::Semaphore)>,
         record: impl FnOnce(&Recorder<'_>),
     ) -> Result<(), GpuError> {
@@ -119,28 +120,14 @@ impl Stream {
         };
         let device = self.gpu.device();
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        let timed = self.gpu.limits().timestamp_period_ns > 0.0;
-        let first = 2 * self.pieces as u32;
         // SAFETY: the buffer is ours, in its initial state (its pool was reset after the device was done with
-        // it), and is recorded by this thread alone; the timestamps lie in the pool and are reset
-        // before they are written.
-        unsafe {
-            device.begin_command_buffer(buffer, &begin).during(operation)?;
-            if timed {
-                device.cmd_reset_query_pool(buffer, self.timestamps, first, 2);
-                let at = vk::PipelineStageFlags2::ALL_COMMANDS;
-                device.cmd_write_timestamp2(buffer, at, self.timestamps, first);
-            }
-        }
-        record(&Recorder::new(device, buffer));
+        // it), and is recorded by this thread alone.
+        unsafe { device.begin_command_buffer(buffer, &begin) }.during(operation)?;
+        let timestamps = self.timestamps.begin(buffer, pass);
+        record(&Recorder::new(device, buffer, timestamps.as_ref()));
+        let timestamps = timestamps.map(PieceTimestamps::end);
         // SAFETY: as above; each `Recorder` method leaves the buffer outside of a render pass.
-        unsafe {
-            if timed {
-                let at = vk::PipelineStageFlags2::ALL_COMMANDS;
-                device.cmd_write_timestamp2(buffer, at, self.timestamps, first + 1);
-            }
-            device.end_command_buffer(buffer).during(operation)?;
-        }
+        unsafe { device.end_command_buffer(buffer) }.during(operation)?;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer)];
         let done = |semaphore| {
             vk::SemaphoreSubmitInfo::default()
@@ -164,6 +151,7 @@ impl Stream {
         // submission.
         unsafe { device.queue_submit2(*queue, &submits, vk::Fence::null()) }.during(operation)?;
         drop(queue);
+        self.timestamps.submitted(timestamps.unwrap_or_default());
         self.submitted += 1;
         self.pieces += 1;
         self.pending = true;
@@ -182,7 +170,8 @@ impl Stream {
     /// Waits, forgets the times of all pieces, and makes their command buffers ready for others.
     pub(crate) fn restart(&mut self, operation: &'static str) -> Result<(), GpuError> {
         self.wait(operation)?;
-        self.busy_ms = 0.0;
+        self.times = DeviceTimes::default();
+        self.timestamps.forget();
         self.reuse(operation)
     }
 
@@ -203,18 +192,21 @@ impl Stream {
         self.submitted
     }
 
-    /// Waits, and returns the device milliseconds of all pieces since the last call or restart.
-    pub(crate) fn take_busy_ms(&mut self, operation: &'static str) -> Result<f64, GpuError> {
+    /// Waits, and returns the device's times of all pieces since the last call or restart.
+    pub(crate) fn take_times(&mut self, operation: &'static str) -> Result<DeviceTimes, GpuError> {
         self.add_times(operation)?;
-        Ok(std::mem::replace(&mut self.busy_ms, 0.0))
+        Ok(std::mem::take(&mut self.times))
+    }
+
+    /// The same if the last wait was for all pieces. Otherwise no times, and those of all pieces later.
+    pub(crate) fn take_times_if_done(&mut self, operation: &'static str) -> Result<DeviceTimes, GpuError> {
+        if self.pending { Ok(DeviceTimes::default()) } else { self.take_times(operation) }
     }
 
     /// Waits, and adds the times of all pieces.
     fn add_times(&mut self, operation: &'static str) -> Result<(), GpuError> {
         self.wait(operation)?;
-        if self.pieces > 0 {
-            self.busy_ms += self.measure(operation)?;
-        }
+        self.timestamps.read(&mut self.times, operation)?;
         self.reuse(operation)
     }
 
@@ -268,26 +260,6 @@ impl Stream {
         }
         Ok(false)
     }
-
-    fn measure(&self, operation: &'static str) -> Result<f64, GpuError> {
-        let period = self.gpu.limits().timestamp_period_ns;
-        if period <= 0.0 {
-            return Ok(0.0);
-        }
-        let mut ticks = vec![[0_u64; 2]; self.pieces];
-        // SAFETY: these queries were written by work that is done; two of them an element.
-        unsafe {
-            self.gpu.device().get_query_pool_results(
-                self.timestamps,
-                0,
-                ticks.as_flattened_mut(),
-                vk::QueryResultFlags::TYPE_64,
-            )
-        }
-        .during(operation)?;
-        let ticks: u64 = ticks.iter().map(|[start, end]| end.saturating_sub(*start)).sum();
-        Ok(ticks as f64 * period / 1e6)
-    }
 }
 
 impl Drop for Stream {
@@ -303,7 +275,6 @@ impl Drop for Stream {
         // SAFETY: the device is done with all of them (or lost); each is ours, or null.
         unsafe {
             device.destroy_semaphore(self.timeline, None);
-            device.destroy_query_pool(self.timestamps, None);
             device.destroy_command_pool(self.pool, None);
         }
     }

@@ -5,12 +5,24 @@ use std::time::{Duration, Instant};
 /// The times of a frame's pass, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PassTiming {
-    /// The device's time between its own timestamps around each piece of work, summed, without idle time
-    /// between pieces. On a CPU driver this is wall time, including other work on the same cores. 0 if the
-    /// device has no timestamps.
+    /// The device's time for the draws: between its own timestamps around each piece of work, summed, without
+    /// idle time between pieces. On a CPU driver this is wall time, including other work on the same cores.
+    /// 0 if the device has no timestamps.
     pub device_ms: f64,
     /// The host's time to prepare and record the draws.
     pub host_ms: f64,
+}
+
+/// The pass that a piece of work belongs to. Copies of geometry to the device, and of depth and pictures to
+/// the host, belong to none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pass {
+    /// Draws into the attachments: occluders, or a picture.
+    Drawing,
+    /// The depth pyramid.
+    Pyramid,
+    /// The traversal of the tree, or tests of boxes.
+    Culling,
 }
 
 /// Sums the time of some work.

@@ -20,6 +20,7 @@ use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Constants, Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
+use crate::timing::Pass;
 use crate::tree::{Entry, Tree, Upload};
 use crate::{Gpu, GpuError, GpuScene};
 
@@ -222,7 +223,8 @@ impl DeviceTraversal {
         let last = (*steps + 1).clamp(4, STEPS as u32);
         let (constants, capacity) = (depth.constants, *capacity);
         let PyramidDepth { over: OverDepth { stream, depth, .. }, pyramid, halving, is_built, .. } = depth;
-        stream.submit(OPERATION, |commands| {
+        let pass = if *is_built { Pass::Culling } else { Pass::Pyramid };
+        stream.submit(OPERATION, Some(pass), |commands| {
             if !std::mem::replace(is_built, true) {
                 pyramid.build(commands, halving, depth);
             }

@@ -255,16 +255,17 @@ test("each message of a role has its number and reads back", () => {
 
 test("each number of the stats is read in its place", () => {
   // Frame 1, occluders of frame 2, and then 3, 4, 5 and so on.
-  const bytes = Uint8Array.from([0, 1, 1, ...range(2, 34)]);
+  const bytes = Uint8Array.from([0, 1, 1, ...range(2, 37)]);
   const message = decodeRoleMessage(bytes);
   assert(message.what === "stats");
   const { stats } = message;
   assert.deepEqual([stats.frame, stats.occludersOf, stats.orStart, stats.hcEnd], [1, 2, 3n, 7n]);
-  assert.deepEqual([stats.occluders, stats.occluderTriangles], [8, 9n]);
-  assert.deepEqual(Object.values(stats.culling), range(10, 21));
-  assert.deepEqual([stats.culling.nearVisible, stats.culling.batches], [14, 20]);
-  const rounds = { count: 21, occluderTriangles: 22n, drawing: 23n, tested: 24, hidden: 25 };
+  assert.deepEqual(stats.device, { drawing: 8n, pyramid: 9n, culling: 10n });
+  assert.deepEqual([stats.occluders, stats.occluderTriangles], [11, 12n]);
+  assert.deepEqual(Object.values(stats.culling), range(13, 24));
+  assert.deepEqual([stats.culling.nearVisible, stats.culling.batches], [17, 23]);
+  const rounds = { count: 24, occluderTriangles: 25n, drawing: 26n, tested: 27, hidden: 28 };
   assert.deepEqual(stats.furtherRounds, rounds);
-  assert.deepEqual(Object.values(stats.toOtherCuller), range(26, 34).map(BigInt));
+  assert.deepEqual(Object.values(stats.toOtherCuller), range(29, 37).map(BigInt));
   assert.deepEqual(encodeRoleMessage(message), bytes);
 });

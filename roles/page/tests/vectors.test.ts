@@ -158,6 +158,7 @@ testPage(PROTO, FORMAT, {
       orBusy: zero,
       hcStart: zero,
       hcEnd: zero,
+      device: { drawing: 200n, pyramid: 20n, culling: 60n },
       occluders: 0,
       occluderTriangles: zero,
       culling: {

@@ -31,6 +31,19 @@ pub struct Frame {
     pub hc_ms: Option<f64>,
     /// Busy time of RVG for this frame: drawing the visible set. Milliseconds.
     pub rvg_ms: Option<f64>,
+    /// The device's time for OR's occluders, by its own timestamps, milliseconds. Each of these four is `None`
+    /// where nothing was done on the device, or it has no timestamps.
+    #[serde(default)]
+    pub occluders_device_ms: Option<f64>,
+    /// The same for HC's depth pyramid.
+    #[serde(default)]
+    pub pyramid_device_ms: Option<f64>,
+    /// The same for HC's traversal of the tree, or tests of boxes.
+    #[serde(default)]
+    pub culling_device_ms: Option<f64>,
+    /// The same for RVG's picture.
+    #[serde(default)]
+    pub picture_device_ms: Option<f64>,
     /// Time from the previous picture shown to this one, milliseconds.
     pub frame_ms: Option<f64>,
     /// Frames shown between the camera's publication and its own picture; 0 if its picture was the very

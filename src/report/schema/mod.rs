@@ -165,6 +165,10 @@ mod tests {
             "or_ms",
             "hc_ms",
             "rvg_ms",
+            "occluders_device_ms",
+            "pyramid_device_ms",
+            "culling_device_ms",
+            "picture_device_ms",
             "bytes",
         ] {
             assert_eq!(frame.get(key), Some(&Value::Null), "{key}");

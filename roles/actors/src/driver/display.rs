@@ -49,6 +49,11 @@ pub trait DisplayWork {
         missing: u32,
     ) -> impl Future<Output = Result<usize, RoleError>>;
 
+    /// The device's time for the picture drawn last, measured by its own timestamps. Zero if it has none.
+    fn device_time(&self) -> Duration {
+        Duration::ZERO
+    }
+
     /// The picture drawn last.
     ///
     /// # Errors

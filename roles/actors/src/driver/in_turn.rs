@@ -1,6 +1,6 @@
 //! A role's work that waits for its turn at the shared device at the beginning of each frame.
 
-use std::rc::Rc;
+use std::{rc::Rc, time::Duration};
 
 use trimaran_cull::Image;
 use trimaran_proto::{Camera, DrawableId, FrameStats, ViewState};
@@ -105,6 +105,10 @@ impl<W: DisplayWork> DisplayWork for InTurn<W> {
         missing: u32,
     ) -> Result<usize, RoleError> {
         self.work.draw(camera, ids, missing).await
+    }
+
+    fn device_time(&self) -> Duration {
+        self.work.device_time()
     }
 
     fn picture(&mut self) -> Result<Option<&Image>, RoleError> {

@@ -34,6 +34,8 @@ pub struct ShownFrame<'f> {
     pub drawing: Duration,
     /// When the device was done with it. RVG was busy from `drawing` to here.
     pub shown: Duration,
+    /// The device's part of that, measured by its own timestamps. Zero if it has none.
+    pub on_device: Duration,
     /// The traffic between the display and the frame's culler, both ways, since that culler's previous frame:
     /// the frame, statistics of an earlier one, and cameras.
     pub traffic: SentBytes,

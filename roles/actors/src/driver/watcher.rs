@@ -192,6 +192,7 @@ impl<W: DisplayWork> Watching<'_, W> {
         }
         let for_loss = self.work.draw(camera, &mut ids, 0).await?;
         let shown = self.clock.elapsed();
+        let on_device = self.work.device_time();
         let picture = match self.observer.wants_picture(self.shown) {
             true => self.work.picture()?,
             false => None,
@@ -210,6 +211,7 @@ impl<W: DisplayWork> Watching<'_, W> {
             begun,
             drawing,
             shown,
+            on_device,
             traffic: sent_bytes(since.sent + since.received),
             arrivals: &[],
         };

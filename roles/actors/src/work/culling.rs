@@ -83,6 +83,13 @@ impl<D: CullerDevice> SceneCulling<D> {
         self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
     }
+
+    /// Adds the device's times since the last call to the frame's.
+    fn take_times(&mut self) -> Result<(), RoleError> {
+        let times = self.device.take_times().map_err(RoleError::of_device::<D>("reading its times"))?;
+        self.stats.device = self.stats.device + times;
+        Ok(())
+    }
 }
 
 impl<D: CullerDevice> CullerWork for SceneCulling<D> {
@@ -155,13 +162,16 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         } else {
             self.device.submit_occluders()
         };
-        let drawing = completed.map_err(RoleError::of_device::<D>("completing the depth"))?;
+        completed.map_err(RoleError::of_device::<D>("completing the depth"))?;
         let or_end = self.clock.elapsed();
         let waited = or_end.saturating_sub(start);
         // Occluders drawn as they come may have been drawn before this. Otherwise they were drawn while the
         // host still worked on them, and that time is counted already.
-        let finishing = if self.as_they_come { drawing.max(waited) } else { waited };
-        self.stats.or_busy_ns = nanoseconds(self.host + finishing);
+        if self.as_they_come {
+            self.take_times()?;
+        }
+        let finishing = nanoseconds(waited).max(self.stats.device.drawing_ns);
+        self.stats.or_busy_ns = nanoseconds(self.host) + finishing;
         self.stats.or_end_ns = nanoseconds(or_end);
         Ok(())
     }
@@ -199,7 +209,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         };
         self.stats.occluders += count(rounds.occluders());
         self.stats.occluder_triangles += self.stats.rounds.occluder_triangles;
-        Ok(())
+        self.take_times()
     }
 
     fn frame_stats(&mut self) -> FrameStats {

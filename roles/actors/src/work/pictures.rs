@@ -1,6 +1,6 @@
 //! Drawing a scene's pictures on a device.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{CutRule, DrawOrder, Image, View};
 use trimaran_proto::{Camera, DrawableId, Settings, ViewState};
@@ -26,6 +26,8 @@ pub struct ScenePictures<D> {
     /// The previous set, which stands in for lost ids.
     gaps: Gaps,
     picture: Image,
+    /// The device's time for the last picture.
+    device_time: Duration,
     /// The see-through drawables of the current frame, farthest first.
     see_through: Vec<DrawableId>,
 }
@@ -41,6 +43,7 @@ impl<D: PictureDevice> ScenePictures<D> {
             order: DrawOrder::default(),
             gaps: Gaps::new(scene),
             picture: Image::default(),
+            device_time: Duration::ZERO,
             see_through: Vec::new(),
         }
     }
@@ -68,9 +71,13 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
         self.order.sort(&self.scene, &view, ids);
         let solid = self.rule.divide(&self.scene, ids, &mut self.see_through);
         let Self { device, see_through, .. } = self;
-        device.draw(&view, &solid, see_through).map_err(RoleError::device(DRAWING))?;
+        self.device_time = device.draw(&view, &solid, see_through).map_err(RoleError::device(DRAWING))?;
         self.gaps.drawn(ids);
         Ok(for_loss)
+    }
+
+    fn device_time(&self) -> Duration {
+        self.device_time
     }
 
     fn picture(&mut self) -> Result<Option<&Image>, RoleError> {

@@ -93,8 +93,8 @@ impl CullerDevice for Cpu {
         Ok(())
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, Broken> {
-        Ok(Duration::ZERO)
+    fn finish_occluders(&mut self) -> Result<(), Broken> {
+        Ok(())
     }
 
     fn read_depth(&mut self) -> Result<DepthImage<'_>, Broken> {
@@ -145,11 +145,16 @@ struct Screen {
 impl PictureDevice for Screen {
     type Error = Broken;
 
-    fn draw(&mut self, view: &View, solid: &[DrawableId], through: &[DrawableId]) -> Result<(), Broken> {
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        through: &[DrawableId],
+    ) -> Result<Duration, Broken> {
         let picture = Picture::draw(&self.scene, view, solid, through);
         assert!(self.scene.fault().is_none(), "it is asked to draw what is not there");
         self.pictures.lock().push(picture);
-        Ok(())
+        Ok(Duration::ZERO)
     }
 
     fn read(&mut self, _: &mut Image) -> Result<(), Broken> {

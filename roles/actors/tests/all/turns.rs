@@ -13,13 +13,16 @@ use trimaran_actors::{
     BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stopwatch, Turns,
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
-use trimaran_proto::{BatchSize, DrawableId, FrameNumber, FrameStats, Settings};
+use trimaran_proto::{BatchSize, DeviceTimes, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
 
 const FRAMES: u32 = 30;
 const SIZE: u32 = 8;
 /// The duration of each call of a device.
 const WORK: Duration = Duration::from_micros(200);
+/// The times of a device by its own clock.
+const CULLER_TIMES: DeviceTimes = DeviceTimes { drawing_ns: 3, pyramid_ns: 0, culling_ns: 5 };
+const PICTURE_TIME: Duration = Duration::from_nanos(7);
 
 /// A device that is busy for a while in each call, and counts how many devices are busy at once.
 struct Busy {
@@ -69,10 +72,13 @@ impl CullerDevice for Busy {
         Ok(())
     }
 
-    /// Drawing took no time; the rest is other work on the depth, such as reading it back.
-    fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
+    fn finish_occluders(&mut self) -> Result<(), Infallible> {
         self.work();
-        Ok(Duration::ZERO)
+        Ok(())
+    }
+
+    fn take_times(&mut self) -> Result<DeviceTimes, Infallible> {
+        Ok(CULLER_TIMES)
     }
 
     fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
@@ -83,9 +89,9 @@ impl CullerDevice for Busy {
 impl PictureDevice for Busy {
     type Error = Infallible;
 
-    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<Duration, Infallible> {
         self.work();
-        Ok(())
+        Ok(PICTURE_TIME)
     }
 
     fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
@@ -99,12 +105,15 @@ struct Record {
     occluders: Vec<[u64; 2]>,
     culling: Vec<[u64; 2]>,
     drawing: Vec<[u64; 2]>,
+    on_device: Vec<DeviceTimes>,
+    pictures_on_device: Vec<Duration>,
     ids: Vec<Vec<u32>>,
 }
 
 impl Observer for Record {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.drawing.push([frame.drawing, frame.shown].map(|at| at.as_nanos() as u64));
+        self.pictures_on_device.push(frame.on_device);
         self.ids.push(frame.ids.iter().map(|id| id.0).collect());
         Ok(())
     }
@@ -112,6 +121,7 @@ impl Observer for Record {
     fn culled(&mut self, stats: &FrameStats) {
         self.occluders.push([stats.or_end_ns - stats.or_busy_ns, stats.or_end_ns]);
         self.culling.push([stats.hc_start_ns, stats.hc_end_ns]);
+        self.on_device.push(stats.device);
     }
 }
 
@@ -158,6 +168,15 @@ fn a_busy_time_holds_all_that_a_role_does_for_a_frame() {
         for [start, end] in work {
             assert!(u128::from(end - start) >= calls * WORK.as_nanos(), "{} ns", end - start);
         }
+    }
+}
+
+#[test]
+fn the_times_of_devices_are_told_with_each_frame() {
+    for turns in [Turns::alone(), Turns::at_once()] {
+        let (record, _) = session(&crate::common::large_scene(), 1024, &turns);
+        assert_eq!(record.on_device, [CULLER_TIMES; FRAMES as usize]);
+        assert_eq!(record.pictures_on_device, [PICTURE_TIME; FRAMES as usize]);
     }
 }
 

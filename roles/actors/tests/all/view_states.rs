@@ -117,8 +117,8 @@ impl CullerDevice for Noting {
         Ok(())
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
-        Ok(Duration::ZERO)
+    fn finish_occluders(&mut self) -> Result<(), Infallible> {
+        Ok(())
     }
 
     fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
@@ -129,9 +129,14 @@ impl CullerDevice for Noting {
 impl PictureDevice for Noting {
     type Error = Infallible;
 
-    fn draw(&mut self, view: &View, solid: &[DrawableId], through: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        through: &[DrawableId],
+    ) -> Result<Duration, Infallible> {
         self.log.lock().pictures.push((*view, solid.to_vec(), through.to_vec()));
-        Ok(())
+        Ok(Duration::ZERO)
     }
 
     fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {

@@ -180,8 +180,8 @@ impl CullerDevice for Device {
         self.work(Task::Draw)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, Broken> {
-        self.work(Task::Finish).map(|()| Duration::ZERO)
+    fn finish_occluders(&mut self) -> Result<(), Broken> {
+        self.work(Task::Finish)
     }
 
     fn read_depth(&mut self) -> Result<DepthImage<'_>, Broken> {
@@ -205,8 +205,8 @@ impl PictureDevice for Device {
         self.cancel = Some(Arc::clone(cancel));
     }
 
-    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Broken> {
-        self.work(Task::Draw)
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<Duration, Broken> {
+        self.work(Task::Draw).map(|()| Duration::ZERO)
     }
 
     fn read(&mut self, _: &mut Image) -> Result<(), Broken> {

@@ -1,6 +1,6 @@
 //! A device that fails the test on validation messages, and scenes made by hand.
 
-use std::ops::Deref;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
@@ -59,6 +59,12 @@ impl Deref for CheckedGpu {
 
     fn deref(&self) -> &Arc<Gpu> {
         &self.0
+    }
+}
+
+impl DerefMut for CheckedGpu {
+    fn deref_mut(&mut self) -> &mut Arc<Gpu> {
+        &mut self.0
     }
 }
 

@@ -5,6 +5,13 @@ import type { Stats } from "../proto/stats.ts";
 /** The most frames that are kept. */
 const MOST = 64;
 
+/** The times of passes on a culler's device, milliseconds; 0 if not measured. */
+export interface PassTimes {
+  readonly occluders: number;
+  readonly pyramid: number;
+  readonly culling: number;
+}
+
 /** Milliseconds, by `performance.now()`. */
 export interface FrameTimes {
   readonly frame: number;
@@ -13,7 +20,7 @@ export interface FrameTimes {
   /** When all its ids had arrived. */
   readonly came: number;
   /** How long the culler drew occluders and tested boxes; nothing until it has reported. */
-  work: { readonly or: number; readonly hc: number } | undefined;
+  work: { readonly or: number; readonly hc: number; readonly onDevice: PassTimes } | undefined;
 }
 
 export class Timeline {
@@ -27,10 +34,12 @@ export class Timeline {
   }
 
   /** A culler's report of its work on a frame. It follows the frame. */
-  said({ frame, orBusy, hcStart, hcEnd }: Stats): void {
+  said({ frame, orBusy, hcStart, hcEnd, device }: Stats): void {
     const times = this.frames.find((one) => one.frame === frame);
     if (times !== undefined) {
-      times.work = { or: milliseconds(orBusy), hc: milliseconds(hcEnd - hcStart) };
+      const [occluders, pyramid] = [milliseconds(device.drawing), milliseconds(device.pyramid)];
+      const onDevice = { occluders, pyramid, culling: milliseconds(device.culling) };
+      times.work = { or: milliseconds(orBusy), hc: milliseconds(hcEnd - hcStart), onDevice };
     }
   }
 }

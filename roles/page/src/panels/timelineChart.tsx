@@ -53,6 +53,7 @@ export function lanesOf(frames: readonly FrameTimes[], pictures: readonly Stretc
 
 export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
   const lanes = useSignal<readonly Lane[]>([]);
+  const device = useSignal("");
   const end = useSignal(0);
   useEffect(() => {
     let pictures: Stretch[] = [];
@@ -63,11 +64,9 @@ export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
     const timer = setInterval(() => {
       const now = performance.now();
       pictures = pictures.filter(({ to }) => to > now - SPAN);
-      const frames = viewer.display?.timeline.frames ?? [];
-      lanes.value = lanesOf(
-        frames.filter(({ came }) => came > now - SPAN),
-        pictures,
-      );
+      const frames = (viewer.display?.timeline.frames ?? []).filter(({ came }) => came > now - SPAN);
+      lanes.value = lanesOf(frames, pictures);
+      device.value = passesOf(frames);
       end.value = now;
     }, PERIOD);
     return () => {
@@ -98,8 +97,19 @@ export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
           <span>{median(stretches)}</span>
         </div>
       ))}
+      {device.value && <p>of it on the culler's device: {device.value}</p>}
     </figure>
   );
+}
+
+/** The median times of passes on the culler's device; empty if none was measured. */
+export function passesOf(frames: readonly FrameTimes[]): string {
+  const passes = (["occluders", "pyramid", "culling"] as const).map((pass) => {
+    const times = frames.map(({ work }) => work?.onDevice[pass] ?? 0).filter((time) => time > 0);
+    return [pass, median(times.map((to) => ({ from: 0, to })))] as const;
+  });
+  const measured = passes.filter(([, time]) => time !== "");
+  return measured.map(([pass, time]) => `${pass} ${time}`).join(", ");
 }
 
 /** The median length; empty without stretches. */

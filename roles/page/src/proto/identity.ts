@@ -42,7 +42,7 @@ export type Identity = Of<typeof IDENTITY>;
 
 /** The protocol that peers of Trimaran's links must agree on. The items of a frame are ids. */
 export const TRIMARAN = defineProtocol({
-  name: "trimaran/3",
+  name: "trimaran/4",
   hello: IDENTITY,
   latest: CAMERA,
   header: CAMERA,

@@ -13,6 +13,15 @@ export const STATS = record({
   orBusy: u64,
   hcStart: u64,
   hcEnd: u64,
+  /** The device's times, nanoseconds on its own clock; 0 if not measured. */
+  device: record({
+    /** Drawing occluders. */
+    drawing: u64,
+    /** Building the depth pyramid. */
+    pyramid: u64,
+    /** Traversing the tree, or testing boxes. */
+    culling: u64,
+  }),
   occluders: u32,
   occluderTriangles: u64,
   /** Counters of the culling traversal. */

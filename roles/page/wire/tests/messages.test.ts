@@ -127,7 +127,7 @@ test("a length that is claimed sets no memory aside", () => {
 test("each reason of a refusal reads back", () => {
   const refusals: Refusal[] = [
     { reason: "versions", listener: 3, connector: 4 },
-    { reason: "applications", listener: "robot/1", connector: "trimaran/3" },
+    { reason: "applications", listener: "robot/1", connector: "trimaran/4" },
     { reason: "not taken", code: 3, text: "x".repeat(400) },
     { reason: "lane", session: (1n << 64n) - 1n, lane: "bulk" },
     { reason: "unpaired", session: 5n },
@@ -153,7 +153,7 @@ test("each reason of a refusal reads back", () => {
 
 test("what is no hello or close is refused, and texts are cut", () => {
   const hello = {
-    application: "trimaran/3",
+    application: "trimaran/4",
     session: 1n,
     lane: "bulk",
     idleTimeout: 20_000,

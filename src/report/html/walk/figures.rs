@@ -14,7 +14,7 @@ use crate::report::schema::{
 pub(super) fn figures(report: &Report) -> Markup {
     html! {
         h2 #speed { "Speed" }
-        div.cards { (role_times(report)) (latency(report)) (timeline(&report.frames)) }
+        div.cards { (role_times(report)) (device_times(report)) (latency(report)) (timeline(&report.frames)) }
         h2 #visibility { "Drawn against exactly visible" }
         div.cards { (objects(report)) (triangles(report)) }
         h2 #error { "Error" }
@@ -62,6 +62,26 @@ fn role_times(report: &Report) -> Markup {
          others took of its cores."
     };
     card(&slowest_role(frames), &chart, caption)
+}
+
+/// Empty if no frame has any.
+fn device_times(report: &Report) -> Markup {
+    const KEYS: &[&str] =
+        &["occluders_device_ms", "pyramid_device_ms", "culling_device_ms", "picture_device_ms"];
+    let names = [("occluders", "or"), ("depth pyramid", "k1"), ("culling", "hc"), ("picture", "rvg")];
+    let lines = KEYS.iter().zip(names);
+    let lines = lines.map(|(key, (name, class))| series(&report.frames, key, name, class, Mark::Line));
+    let lines: Vec<_> = lines.filter(|series| !series.points.is_empty()).collect();
+    if lines.is_empty() {
+        return Markup::default();
+    }
+    let median = |key: &&str| report.summary.metrics.get(*key).map(|stat| stat.median);
+    let sum = figure(KEYS.iter().filter_map(median).sum());
+    card(
+        &format!("The passes of a frame take {sum} ms on devices (sum of medians)"),
+        &over_frames("ms a frame", lines, KEYS),
+        "Between timestamps on the device. What a role's busy time has beyond that is the host's.",
+    )
 }
 
 fn slowest_role(frames: &[Frame]) -> String {

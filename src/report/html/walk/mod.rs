@@ -113,6 +113,14 @@ mod tests {
     }
 
     #[test]
+    fn the_passes_of_devices_are_charted_where_they_were_measured() {
+        let passes = "The passes of a frame take ";
+        let html = page(&sample::report(), &[]).unwrap();
+        assert!(html.contains(passes) && html.contains("depth pyramid"));
+        assert!(!page(&sample::bare(), &[]).unwrap().contains(passes));
+    }
+
+    #[test]
     fn a_model_is_called_one() {
         let html = page(&sample::report(), &[]).unwrap();
         assert!(html.contains("<span class=\"badge\">model</span>"));

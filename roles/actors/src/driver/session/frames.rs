@@ -149,6 +149,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let for_loss = self.role.work.draw(camera, &mut ids, culled.missing).await?;
         self.shown_whole = (culled.missing == 0).then_some(camera);
         let shown = self.clock.elapsed();
+        let on_device = self.role.work.device_time();
         let number = self.stats.next_number();
         let picture = match self.observer.wants_picture(number) {
             true => self.role.work.picture()?,
@@ -166,6 +167,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             begun: culled.begun,
             drawing,
             shown,
+            on_device,
             traffic: std::mem::take(&mut culled.traffic),
             arrivals: &std::mem::take(&mut culled.arrivals),
         };
