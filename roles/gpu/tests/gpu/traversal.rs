@@ -36,6 +36,8 @@ impl Both {
         let Self { culler, pass, last } = self;
         let due = occluders(culler.scene(), view, rule, last).unwrap();
         pass.begin(view).unwrap();
+        let mapped = pass.hzb_test().unwrap().map(view, rule, last).unwrap();
+        assert_eq!(mapped.map(ascending), Some(ascending(due.clone())), "mapping: {at}");
         pass.draw(&due).unwrap();
         // The device first, so that it does not benefit from the host's wait.
         let mut test = pass.hzb_test().unwrap();
@@ -48,6 +50,11 @@ impl Both {
         *last = on_host.0.concat();
         on_host
     }
+}
+
+fn ascending(mut ids: Vec<DrawableId>) -> Vec<DrawableId> {
+    ids.sort_unstable();
+    ids
 }
 
 fn given(culler: &mut Culler, view: &View, rule: &CutRule, test: &mut impl OcclusionTest) -> Given {
