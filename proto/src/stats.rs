@@ -51,7 +51,7 @@ pub struct DeviceTimes {
     pub drawing_ns: u64,
     /// Building the depth pyramid.
     pub pyramid_ns: u64,
-    /// Traversing the tree, or testing boxes.
+    /// Traversing the tree, for occluders and for visible nodes, or testing boxes.
     pub culling_ns: u64,
 }
 

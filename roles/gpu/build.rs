@@ -26,7 +26,14 @@ const MODULES: [&[&str]; 6] = [
     &["scene"],
     &["hzb", "test_boxes"],
     &["traversal/rounding", "traversal/round"],
-    &["hzb", "traversal/rounding", "traversal/cut", "traversal/test_box", "traversal/traversal"],
+    &[
+        "hzb",
+        "traversal/rounding",
+        "traversal/cut",
+        "traversal/test_box",
+        "traversal/traversal",
+        "traversal/map",
+    ],
 ];
 
 /// Writes `<entry point>.spv` for each entry point of a module.

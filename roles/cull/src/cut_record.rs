@@ -39,6 +39,13 @@ pub struct CutRecord {
     budget: u32,
     /// For the device's own use: where the pages of drawables begin in its table.
     pub drawable_pages: u32,
+    /// How many drawables are mapped. Without any the frame is culled.
+    pub mapped: u32,
+    /// The stamp of this mapping.
+    pub stamp: u32,
+    /// How many nodes the scene has.
+    pub nodes: u32,
+    unused: u32,
 }
 
 /// A section: a plane's location and direction, or the corners of a box.
@@ -87,6 +94,10 @@ impl CutRecord {
             last_level: screen.last_level() as u32,
             budget: BUDGET,
             drawable_pages: 0,
+            mapped: 0,
+            stamp: 0,
+            nodes: scene.nodes().len() as u32,
+            unused: 0,
         }
     }
 }

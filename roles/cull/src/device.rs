@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
-use crate::{DepthImage, Image, OcclusionTest, View};
+use crate::{CutRule, DepthImage, Image, OcclusionTest, View};
 
 /// Whether a wait for a device is to end before its work is done.
 pub type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
@@ -35,6 +35,22 @@ pub trait CullerDevice: OcclusionTest {
     /// # Errors
     /// Those of the device.
     fn begin_occluders(&mut self, view: &View) -> Result<(), Self::Error>;
+
+    /// Maps the visible set of an earlier frame to its counterparts in the cut of `view`, as
+    /// [`OccluderMapper`](crate::OccluderMapper) does, in any order. By default, and where that is no faster,
+    /// it does not. The frame has begun, and nothing is drawn yet.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn map_occluders(
+        &mut self,
+        view: &View,
+        rule: &CutRule,
+        ids: &[DrawableId],
+    ) -> Result<Option<Vec<DrawableId>>, Self::Error> {
+        let _ = (view, rule, ids);
+        Ok(None)
+    }
 
     /// Draws some more occluders. The result does not depend on their order or grouping.
     ///

@@ -69,6 +69,7 @@ mod occluder_selection;
 mod occluders;
 mod occlusion_test;
 mod order;
+mod parallel;
 mod rgb_image;
 mod rounds;
 mod screen_box;

@@ -6,6 +6,7 @@ use trimaran_scene::Scene;
 
 use crate::View;
 use crate::lod_cut::looks;
+use crate::parallel::in_chunks;
 
 /// At most this many triangles of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,14 +32,13 @@ pub fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
 /// box's diagonal over its distance) divided by the triangles. Drops ids that the scene lacks.
 pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
     let eye = view.eye();
-    let mut ranked: Vec<(f32, DrawableId, u64)> = ids
-        .iter()
-        .filter_map(|&id| {
-            let (drawable, part) = scene.part(id)?;
-            let triangles = u64::from(drawable.triangles);
-            Some(((looks(&part, eye) / triangles.max(1) as f64) as f32, id, triangles))
-        })
-        .collect();
+    let rank = |&id: &DrawableId| {
+        let (drawable, part) = scene.part(id)?;
+        let triangles = u64::from(drawable.triangles);
+        Some(((looks(&part, eye) / triangles.max(1) as f64) as f32, id, triangles))
+    };
+    let rank_all = |ids: &[DrawableId]| ids.iter().filter_map(rank).collect::<Vec<_>>();
+    let mut ranked: Vec<(f32, DrawableId, u64)> = in_chunks(ids, rank_all).concat();
     ids.clear();
     if ranked.iter().map(|(_, _, triangles)| triangles).sum::<u64>() > budget.0 {
         ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

@@ -41,6 +41,17 @@ pub enum OccluderError {
         /// The number of drawables of this scene.
         count: usize,
     },
+    /// A device's mapping was compared with the host's, and differs.
+    #[error(
+        "the device mapped the last frame to {own} occluders and the host to {host}: report the device and \
+        its driver"
+    )]
+    Differs {
+        /// The occluders that the device found.
+        own: usize,
+        /// Those that the host found.
+        host: usize,
+    },
     /// Part of the scene cannot be read.
     #[error("the occluders of the last frame cannot be found in the scene")]
     Scene(#[source] ReadError),
@@ -128,15 +139,6 @@ impl OccluderMapper {
             }
         }
         Ok(())
-    }
-
-    /// Whether `id`, which is in the cut and the frustum, is the counterpart of an id in this frame.
-    #[must_use]
-    pub fn holds(&self, id: DrawableId) -> bool {
-        self.scene.drawables().get(id.index()).is_some_and(|drawable| {
-            let is_open = self.open.contains(&drawable.level(id).first());
-            self.state(drawable.node) == State::Settled && (!is_open || self.pieces.contains(&id))
-        })
     }
 
     /// Settles the nodes from the root down to `node`, which has the drawable `id`. Returns the node's state.

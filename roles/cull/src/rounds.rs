@@ -18,7 +18,7 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
 use crate::occluder_selection::{TriangleBudget, select_occluders, triangles};
-use crate::{CullError, CullStats, CutRule, OccluderMapper, OcclusionTest, Traversal};
+use crate::{CullError, CullStats, CutRule, OcclusionTest, Traversal};
 
 /// How many rounds a frame may have, and the occluder budget of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +39,8 @@ impl RoundRule {
 #[derive(Debug)]
 pub struct Rounds<'c> {
     traversal: Traversal<'c>,
-    last: &'c OccluderMapper,
+    /// The last frame's counterparts in the cut, ascending.
+    last: &'c [DrawableId],
     rule: RoundRule,
     round: u32,
     /// The occluders of all rounds so far, ascending.
@@ -55,12 +56,12 @@ pub struct Rounds<'c> {
 }
 
 impl<'c> Rounds<'c> {
-    /// Continues a traversal that has just begun. `drawn` are the occluders of its first round, and `last`
-    /// has mapped the last frame's visible set.
+    /// Continues a traversal that has just begun. `drawn` are the occluders of its first round, and `last` are
+    /// the counterparts of the last frame's visible set, ascending.
     #[must_use]
     pub fn new(
         traversal: Traversal<'c>,
-        last: &'c OccluderMapper,
+        last: &'c [DrawableId],
         drawn: &[DrawableId],
         rule: RoundRule,
     ) -> Self {
@@ -176,13 +177,15 @@ impl<'c> Rounds<'c> {
 /// occluders.
 fn new_triangles(
     scene: &Scene,
-    last: &OccluderMapper,
+    last: &[DrawableId],
     drawn: &[DrawableId],
     level: &[DrawableId],
     rule: &CutRule,
 ) -> u64 {
     let new = |id: &&DrawableId| {
-        !last.holds(**id) && drawn.binary_search(id).is_err() && !rule.is_see_through(scene, **id)
+        last.binary_search(id).is_err()
+            && drawn.binary_search(id).is_err()
+            && !rule.is_see_through(scene, **id)
     };
     let drawables = level.iter().filter(new).filter_map(|id| scene.drawables().get(id.index()));
     drawables.map(|drawable| u64::from(drawable.triangles)).sum()

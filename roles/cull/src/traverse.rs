@@ -13,6 +13,7 @@ use trimaran_scene::{NodeId, ReadError, Scene};
 use crate::boxes::{BoxMaker, Prepared, Untestable};
 use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut, read_ahead};
+use crate::parallel::find_each;
 use crate::{Answer, CutRule, OcclusionTest, TestBox, View, WholeTraversal};
 
 /// Counters of one traversal.
@@ -115,6 +116,26 @@ struct Candidate {
     reached: Reached,
     choice: Choice,
     tested: bool,
+}
+
+impl Reached {
+    /// How it would be drawn, and its box. `None` if the scene lacks it.
+    fn find(self, cut: &LodCut<'_>, maker: &BoxMaker) -> Option<(Choice, Prepared)> {
+        let scene = cut.scene();
+        let part = match self {
+            Self::Node(id) => Cow::Borrowed(scene.nodes().get(id.0 as usize)?),
+            Self::Piece(id) => Cow::Owned(scene.part(id)?.1),
+        };
+        if cut.outside(&part) {
+            return Some((Choice::Nothing, Prepared::Outside));
+        }
+        let choice = match self {
+            Self::Node(id) => cut.choose(id, &part),
+            Self::Piece(id) => Choice::Draw(scene.drawables().get(id.index())?.level(id)),
+        };
+        let prepared = if choice == Choice::Nothing { Prepared::Outside } else { maker.prepare(&part) };
+        Some((choice, prepared))
+    }
 }
 
 impl Culler {
@@ -297,7 +318,7 @@ impl<'c> Traversal<'c> {
     }
 
     fn judge_level<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {
-        self.prepare_level();
+        self.prepare_level().map_err(CullError::Scene)?;
         self.test(test)?;
         self.decide_level();
         Ok(())
@@ -340,8 +361,8 @@ impl<'c> Traversal<'c> {
 
     /// Sorts the level's nodes and pieces into those outside the frustum, those to test and those
     /// conservatively visible.
-    fn prepare_level(&mut self) {
-        let Self { cut, maker, stats: CullStats { counts, .. }, .. } = self;
+    fn prepare_level(&mut self) -> Result<(), ReadError> {
+        let Self { scene, cut, maker, stats: CullStats { counts, .. }, .. } = self;
         let Memory { level, candidates, boxes, .. } = &mut *self.memory;
         candidates.clear();
         boxes.clear();
@@ -349,25 +370,12 @@ impl<'c> Traversal<'c> {
             Reached::Node(id) => Some(*id),
             Reached::Piece(_) => None,
         });
-        read_ahead(self.scene, nodes);
-        for &reached in &*level {
-            let found = match reached {
-                Reached::Node(id) => self.scene.nodes().get(id.0 as usize).map(|node| {
-                    let hidden = cut.rule().appearance(self.scene, id, node) == NodeAppearance::Hidden;
-                    (Cow::Borrowed(node), if hidden { Choice::Nothing } else { cut.choose(id, node) })
-                }),
-                Reached::Piece(id) => self
-                    .scene
-                    .part(id)
-                    .map(|(drawable, part)| (Cow::Owned(part), Choice::Draw(drawable.level(id)))),
-            };
-            let Some((part, choice)) = found else { continue };
+        read_ahead(scene, nodes);
+        let found = find_each(scene, level, |reached| reached.find(cut, maker))?;
+        for (&reached, found) in level.iter().zip(found) {
+            let Some((choice, prepared)) = found else { continue };
             counts.visited += 1;
-            if choice == Choice::Nothing || cut.outside(&part) {
-                counts.outside += 1;
-                continue;
-            }
-            let tested = match maker.prepare(&part) {
+            let tested = match prepared {
                 Prepared::Outside => {
                     counts.outside += 1;
                     continue;
@@ -388,6 +396,7 @@ impl<'c> Traversal<'c> {
             };
             candidates.push(Candidate { reached, choice, tested });
         }
+        Ok(())
     }
 
     /// Emits, refines or drops the level's candidates by the test's answers.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use trimaran_cull::{
     CutRule, OcclusionTest, OnScreen, Outline, ScreenRecord, ScreenRecords, TestBox, View, WholeTraversal,
 };
+use trimaran_proto::DrawableId;
 
 use crate::boxes;
 use crate::layout::{BindingSet, Layout};
@@ -94,6 +95,28 @@ impl<'a> DeviceHzbTest<'a> {
     pub(crate) fn new(pass: &'a mut ScenePass, kept: &'a mut Option<HzbBoxes>) -> Result<Self, GpuError> {
         let boxes = reuse_or_make(kept, |_| true, || HzbBoxes::new(pass.gpu()))?;
         Ok(Self { pass, boxes })
+    }
+
+    /// Maps drawables of an earlier frame's cut to their counterparts in this one's, in any order, as
+    /// [`OccluderMapper`](trimaran_cull::OccluderMapper) does. `None` if the device cannot, or not so many.
+    ///
+    /// # Errors
+    /// If the device fails, or part of the scene cannot be read.
+    pub fn map(
+        &mut self,
+        view: &View,
+        rule: &CutRule,
+        ids: &[DrawableId],
+    ) -> Result<Option<Vec<DrawableId>>, GpuError> {
+        let Self { pass, boxes: own } = self;
+        let ready = own.fit(pass, view)?;
+        let scene = Arc::clone(pass.scene());
+        let HzbBoxes { halving, pyramid, traversal, .. } = own;
+        let (Some(pyramid), Some(traversal)) = (pyramid, traversal.get(&scene)?) else { return Ok(None) };
+        let constants = pyramid.constants(ready.margins());
+        let over = pass.unfinished_depth();
+        let mut depth = PyramidDepth { over, pyramid, halving, is_built: false, constants };
+        traversal.map(&mut depth, &scene, view, rule, ids)
     }
 }
 

@@ -324,8 +324,13 @@ impl ScenePass {
     pub(crate) fn over_depth(&mut self) -> Result<OverDepth<'_>, GpuError> {
         self.stream.check(self.kind.name)?;
         self.flush()?;
+        Ok(self.unfinished_depth())
+    }
+
+    /// The same before the added draws, for work that does not read the depth.
+    pub(crate) const fn unfinished_depth(&mut self) -> OverDepth<'_> {
         let Attachments { size, depth, .. } = &mut self.attachments;
-        Ok(OverDepth { stream: &mut self.stream, size: *size, depth, version: self.depth_version })
+        OverDepth { stream: &mut self.stream, size: *size, depth, version: self.depth_version }
     }
 
     /// Fills an acquired image of a window with the picture, after the added draws. Without draws it shows

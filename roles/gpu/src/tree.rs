@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::CutRule;
+use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
 use crate::memory::{Buffer, HostBuffer};
@@ -17,12 +18,17 @@ use crate::{Gpu, GpuError};
 #[repr(C)]
 pub(crate) struct Entry {
     id: u32,
-    /// Twice the step of the traversal that it belongs to, and one more if it is a piece.
+    /// Twice the step of the traversal that it belongs to, and one more if it is a piece. Shaders mark
+    /// entries of mappings in the highest bit.
     step_and_kind: u32,
 }
 
 impl Entry {
     pub(crate) const ROOT: Self = Self { id: 0, step_and_kind: 0 };
+
+    pub(crate) const fn piece(id: DrawableId) -> Self {
+        Self { id: id.0, step_and_kind: 1 }
+    }
 
     const fn is_piece(self) -> bool {
         self.step_and_kind & 1 != 0
@@ -131,6 +137,11 @@ impl Tree {
     /// Where the pages of drawables begin among all pages.
     pub(crate) const fn drawable_pages(&self) -> u32 {
         self.node_pages as u32
+    }
+
+    /// How often all pages were dropped.
+    pub(crate) const fn generation(&self) -> u64 {
+        self.generation
     }
 
     /// Forgets all pages.

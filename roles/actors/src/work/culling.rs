@@ -10,7 +10,7 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, S
 use trimaran_scene::Scene;
 
 use super::{
-    occluders::OccluderPolicy,
+    occluders::{OccluderPolicy, map},
     pieces::{InPieces, Pieces},
 };
 use crate::{
@@ -46,6 +46,8 @@ pub struct SceneCulling<D> {
     /// How many ids of an earlier frame have come for this one, and the occluders mapped from them.
     received: usize,
     due: Vec<DrawableId>,
+    /// All that were mapped, ascending, if they came at once.
+    mapped: Vec<DrawableId>,
     order: DrawOrder,
 }
 
@@ -70,6 +72,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             host: Duration::ZERO,
             received: 0,
             due: Vec::new(),
+            mapped: Vec::new(),
             order: DrawOrder::default(),
         }
     }
@@ -118,6 +121,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.device.begin_occluders(&view).map_err(RoleError::of_device::<D>("clearing the depth"))?;
         self.received = 0;
         self.due.clear();
+        self.mapped.clear();
         self.as_they_come = as_they_come && !self.idle_while_waiting;
         self.left = self.policy.budget.0;
         self.host = self.clock.elapsed().saturating_sub(start);
@@ -130,10 +134,9 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let start = self.clock.elapsed();
         self.received += ids.len();
         let known = self.due.len();
-        if let Some(mapper) = &mut self.mapper {
-            mapper.push(ids, &mut self.due)?;
-        }
+        let Some(mapper) = &mut self.mapper else { return Ok(()) };
         if self.as_they_come {
+            mapper.push(ids, &mut self.due)?;
             let mut chosen = self.due.split_off(known);
             let scene = self.culler.scene();
             self.rule.retain_solid(scene, &mut chosen);
@@ -141,6 +144,9 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             self.left -= triangles(scene, &chosen).min(self.left);
             self.due.extend(chosen);
             self.draw(known)?;
+        } else {
+            self.mapped = map(&mut self.device, mapper, (&self.view, &self.rule), ids)?;
+            self.due.extend_from_slice(&self.mapped);
         }
         self.host += self.clock.elapsed().saturating_sub(start);
         Ok(())
@@ -177,13 +183,12 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
-        let Some(last) = &self.mapper else { return Ok(()) };
         let scene = Arc::clone(self.culler.scene());
         let traversal = self.culler.traverse(&self.view, &self.rule, &self.device);
         let traversal = traversal.map_err(RoleError::of_culling::<D>)?;
         // The paper's schedule has one round, like the paper.
         let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
-        let mut rounds = Rounds::new(traversal, last, &self.due, rule);
+        let mut rounds = Rounds::new(traversal, &self.mapped, &self.due, rule);
         let (clock, mut drawing) = (self.clock, Duration::ZERO);
         let mut add_occluders = |test: &mut InPieces<'_, D>, ids: &[DrawableId]| {
             let start = clock.elapsed();

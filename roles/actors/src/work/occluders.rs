@@ -1,10 +1,10 @@
 //! A culler's occluder selection, and its rounds.
 
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
 use trimaran_cull::{
-    CullStats, Culler, CutRule, LodCut, OccluderMapper, RoundRule, Rounds, TriangleBudget, View,
-    select_occluders,
+    CullStats, Culler, CutRule, LodCut, OccluderError, OccluderMapper, RoundRule, Rounds, TriangleBudget,
+    View, select_occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -60,14 +60,14 @@ impl OccluderPolicy {
         last: &[DrawableId],
     ) -> Result<CulledFrame, RoleError> {
         let mut mapper = OccluderMapper::new(Arc::clone(culler.scene()), *view, rule);
-        let mut occluders = Vec::new();
-        mapper.push(last, &mut occluders)?;
-        self.choose(culler.scene(), view, rule, last.len(), &mut occluders);
         device.begin_occluders(view).map_err(RoleError::of_device::<D>("clearing the depth"))?;
+        let mapped = map(device, &mut mapper, (view, rule), last)?;
+        let mut occluders = mapped.clone();
+        self.choose(culler.scene(), view, rule, last.len(), &mut occluders);
         device.add_occluders(&occluders).map_err(RoleError::of_device::<D>("drawing occluders"))?;
         let mut visible = Vec::new();
         let traversal = culler.traverse(view, rule, device).map_err(RoleError::of_culling::<D>)?;
-        let mut rounds = Rounds::new(traversal, &mapper, &occluders, self.rule());
+        let mut rounds = Rounds::new(traversal, &mapped, &occluders, self.rule());
         while let Some(ids) = rounds.next(device, D::add_occluders).map_err(RoleError::of_culling::<D>)? {
             visible.extend_from_slice(ids);
         }
@@ -99,4 +99,36 @@ impl OccluderPolicy {
     pub(super) fn rule(self) -> RoundRule {
         RoundRule { most: self.rounds, budget: self.budget }
     }
+}
+
+/// The counterparts of the `last` visible set in the cut that `mapper` has begun, ascending. The device finds
+/// them, or else the host.
+pub(super) fn map<D: CullerDevice>(
+    device: &mut D,
+    mapper: &mut OccluderMapper,
+    (view, rule): (&View, &CutRule),
+    last: &[DrawableId],
+) -> Result<Vec<DrawableId>, RoleError> {
+    let own =
+        device.map_occluders(view, rule, last).map_err(RoleError::of_device::<D>("mapping occluders"))?;
+    let mut own = match own {
+        Some(own) if !device.is_checked() => own,
+        own => {
+            let mut mapped = Vec::new();
+            mapper.push(last, &mut mapped)?;
+            let differs = own.filter(|own| !same_set(own, &mapped));
+            match differs {
+                Some(own) => return Err(OccluderError::Differs { own: own.len(), host: mapped.len() }.into()),
+                None => mapped,
+            }
+        }
+    };
+    own.sort_unstable();
+    Ok(own)
+}
+
+/// Whether both have the same ids, each once.
+fn same_set(a: &[DrawableId], b: &[DrawableId]) -> bool {
+    let ids = |set: &[DrawableId]| set.iter().copied().collect::<BTreeSet<_>>();
+    a.len() == b.len() && ids(a) == ids(b)
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{Culler, LodRule, OccluderMapper, View, Viewport, lod_cut, occluders};
+use trimaran_cull::{Culler, LodRule, View, Viewport, lod_cut, occluders};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{Drawable, FlatObject, Rgba8, Scene, SceneArrays};
 
@@ -105,13 +105,4 @@ fn a_piece_of_the_level_that_is_due_stays_and_anything_else_stands_for_all_piece
     assert_eq!(due(fine, &[COARSE]), [LEFT, RIGHT]);
     assert_eq!(due(fine, &[COARSE, LEFT]), [LEFT, RIGHT]);
     assert_eq!(due(coarse, &[LEFT, RIGHT]), [COARSE]);
-
-    let mut mapper = OccluderMapper::new(Arc::clone(&scene), view, fine);
-    let mut due = Vec::new();
-    mapper.push(&[RIGHT], &mut due).unwrap();
-    assert!(mapper.holds(RIGHT) && !mapper.holds(LEFT) && !mapper.holds(WALL));
-    mapper.begin(view, fine);
-    assert!(!mapper.holds(RIGHT), "a new frame");
-    mapper.push(&[COARSE], &mut due).unwrap();
-    assert!(mapper.holds(RIGHT) && mapper.holds(LEFT));
 }

@@ -6,8 +6,8 @@ use glam::DVec3;
 use trimaran_audit::cases::{plant, plant_views};
 use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
-    CullStats, Culler, DepthImage, DepthPyramid, HzbError, HzbTest, LodRule, OccluderMapper, OcclusionTest,
-    Outline, RoundRule, Rounds, TestBox, TriangleBudget, View, Viewport, draw_order, lod_cut, triangles,
+    CullStats, Culler, DepthImage, DepthPyramid, HzbError, HzbTest, LodRule, OcclusionTest, Outline,
+    RoundRule, Rounds, TestBox, TriangleBudget, View, Viewport, draw_order, lod_cut, occluders, triangles,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -85,14 +85,14 @@ impl Case {
 
     /// Culls a frame whose first round has `last` as occluders.
     fn cull(&self, view: &View, last: &[DrawableId], rule: RoundRule) -> Culled {
-        let (mut mapper, mut due) =
-            (OccluderMapper::new(Arc::clone(&self.scene), *view, self.rule), Vec::new());
-        mapper.push(last, &mut due).unwrap();
+        let mut due = occluders(&self.scene, view, self.rule, last).unwrap();
+        let mut mapped = due.clone();
+        mapped.sort_unstable();
         due.truncate(last.len() / 4); // within a budget
         let mut device = Device::new(&self.scene, view, &due);
         let mut culler = Culler::new(Arc::clone(&self.scene));
         let traversal = culler.traverse(view, self.rule, &device).unwrap();
-        let mut rounds = Rounds::new(traversal, &mapper, &due, rule);
+        let mut rounds = Rounds::new(traversal, &mapped, &due, rule);
         let mut parts = Vec::new();
         while let Some(ids) = rounds.next(&mut device, Device::add).unwrap() {
             parts.push(ids.to_vec());

@@ -61,6 +61,11 @@ struct Cut {
     budget: u32,
     // Where the pages of drawables begin in the table of pages.
     drawable_pages: u32,
+    // How many drawables are mapped; none where the frame is culled.
+    mapped: u32,
+    stamp: u32,
+    nodes: u32,
+    unused: u32,
 }
 
 @group(0) @binding(2) var<storage, read_write> cut: Cut;

@@ -4,7 +4,8 @@
 // `Entry`: a node or a piece to visit.
 struct Entry {
     id: u32,
-    // Twice the step of the traversal that it belongs to, and one more if it is a piece.
+    // Twice the step of the traversal that it belongs to, and one more if it is a piece. The highest bit: all
+    // below it is mapped.
     step_and_kind: u32,
 }
 
@@ -55,7 +56,7 @@ const STEPS = 64u;
 struct Counters {
     ids: atomic<u32>,
     missing: atomic<u32>,
-    // Set where something found no room.
+    // OVERFLOW where something found no room, UNMARKED where a record was absent while drawables were marked.
     overflow: atomic<u32>,
     dispatches: array<Dispatches, 65>,
     steps: array<Step, 64>,
@@ -63,6 +64,8 @@ struct Counters {
 
 const PREPARED_AT_ONCE = 64u;
 const ABSENT = 0xffffffffu;
+const ALL_BELOW = 0x80000000u;
+const OVERFLOW = 1u;
 
 // The slots of pages: those of nodes first, then those of drawables.
 @group(0) @binding(3) var<storage, read_write> pages: array<u32>;
@@ -89,6 +92,10 @@ fn place_of(first_page: u32, number: u32) -> u32 {
     return select((slot << PAGE_BITS) | (number & ((1u << PAGE_BITS) - 1u)), ABSENT, slot == ABSENT);
 }
 
+fn step_of(entry: Entry) -> u32 {
+    return (entry.step_and_kind & ~ALL_BELOW) >> 1u;
+}
+
 fn is_piece(entry: Entry) -> bool {
     return (entry.step_and_kind & 1u) != 0u;
 }
@@ -99,7 +106,7 @@ fn leave(entry: Entry) {
     if at < test.capacity {
         missing[at] = entry;
     } else {
-        atomicStore(&counters.overflow, 1u);
+        atomicOr(&counters.overflow, OVERFLOW);
     }
 }
 
@@ -108,7 +115,7 @@ fn visit(first: u32, count: u32, step_and_kind: u32) {
     let next = test.step + 1u;
     let at = atomicAdd(&counters.dispatches[next].entries, count);
     if at + count > test.capacity {
-        atomicStore(&counters.overflow, 1u);
+        atomicOr(&counters.overflow, OVERFLOW);
         return;
     }
     for (var i = 0u; i < count; i += 1u) {
@@ -120,7 +127,7 @@ fn visit(first: u32, count: u32, step_and_kind: u32) {
 
 // Something that shows is drawn, or its children or pieces are visited.
 fn show(outcome: Outcome) {
-    let step = outcome.entry.step_and_kind >> 1u;
+    let step = step_of(outcome.entry);
     if outcome.refines != 0u {
         atomicAdd(&counters.steps[step].refined, 1u);
         visit(outcome.first, outcome.count, 2u * step + 2u);
@@ -134,12 +141,17 @@ fn show(outcome: Outcome) {
         } else {
             atomicAdd(&counters.steps[step].whole, 1u);
         }
-        let at = atomicAdd(&counters.ids, 1u);
-        if at < test.capacity {
-            ids[at] = outcome.first;
-        } else {
-            atomicStore(&counters.overflow, 1u);
-        }
+        keep(outcome.first);
+    }
+}
+
+// A drawable of the result.
+fn keep(id: u32) {
+    let at = atomicAdd(&counters.ids, 1u);
+    if at < test.capacity {
+        ids[at] = id;
+    } else {
+        atomicOr(&counters.overflow, OVERFLOW);
     }
 }
 
@@ -164,9 +176,9 @@ fn cs_leave(@builtin(global_invocation_id) at: vec3<u32>) {
 }
 
 fn prepare_entry(entry: Entry) {
-    let step = entry.step_and_kind >> 1u;
+    let step = step_of(entry);
     if step >= STEPS {
-        atomicStore(&counters.overflow, 1u);
+        atomicOr(&counters.overflow, OVERFLOW);
         return;
     }
     var number = entry.id;
@@ -201,6 +213,12 @@ fn prepare_entry(entry: Entry) {
         }
     }
     atomicAdd(&counters.steps[step].visited, 1u);
+    if cut.mapped != 0u {
+        if !is_gone {
+            follow(outcome, number);
+        }
+        return;
+    }
     if is_gone {
         atomicAdd(&counters.steps[step].outside, 1u);
         return;
@@ -227,7 +245,7 @@ fn prepare_entry(entry: Entry) {
             outcomes[at] = outcome;
             atomicMax(&counters.dispatches[test.step].test.x, at + 1u);
         } else {
-            atomicStore(&counters.overflow, 1u);
+            atomicOr(&counters.overflow, OVERFLOW);
         }
     }
 }
@@ -269,7 +287,7 @@ fn cs_test(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if answer != 0u {
             show(outcome);
         } else {
-            atomicAdd(&counters.steps[outcome.entry.step_and_kind >> 1u].hidden, 1u);
+            atomicAdd(&counters.steps[step_of(outcome.entry)].hidden, 1u);
         }
     }
 }

@@ -9,7 +9,7 @@ use trimaran_cull::{
 };
 use trimaran_gpu::{GpuScene, OccluderPass};
 use trimaran_proto::{DrawableId, ObjectSet, Settings, ViewState};
-use trimaran_scene::{Scene, random::Random};
+use trimaran_scene::{Level, Scene, random::Random};
 
 use crate::common::{CheckedGpu, lacks_float64};
 use crate::sections::random_sections;
@@ -36,6 +36,14 @@ impl Both {
         let Self { culler, pass, last } = self;
         let due = occluders(culler.scene(), view, rule, last).unwrap();
         pass.begin(view).unwrap();
+        let root = &culler.scene().nodes()[0];
+        let top: Vec<DrawableId> =
+            culler.scene().levels(root).next_back().map(Level::first).into_iter().collect();
+        for ids in [last.as_slice(), &top] {
+            let expected = occluders(culler.scene(), view, rule, ids).unwrap();
+            let mapped = pass.hzb_test().unwrap().map(view, rule, ids).unwrap();
+            assert_eq!(mapped.map(ascending), Some(ascending(expected)), "mapping: {at}");
+        }
         pass.draw(&due).unwrap();
         // The device first, so that it does not benefit from the host's wait.
         let mut test = pass.hzb_test().unwrap();
@@ -48,6 +56,11 @@ impl Both {
         *last = on_host.0.concat();
         on_host
     }
+}
+
+fn ascending(mut ids: Vec<DrawableId>) -> Vec<DrawableId> {
+    ids.sort_unstable();
+    ids
 }
 
 fn given(culler: &mut Culler, view: &View, rule: &CutRule, test: &mut impl OcclusionTest) -> Given {

@@ -19,7 +19,7 @@ export const STATS = record({
     drawing: u64,
     /** Building the depth pyramid. */
     pyramid: u64,
-    /** Traversing the tree, or testing boxes. */
+    /** Traversing the tree, for occluders and for visible nodes, or testing boxes. */
     culling: u64,
   }),
   occluders: u32,
