@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
+    Answer, Cancel, CullerDevice, CutRule, DeviceClass, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
     Outline, TestBox, View, Viewport, WholeTraversal,
 };
 use trimaran_proto::{DrawableId, OcclusionTestKind};
 
-use crate::{GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
+use crate::{DeviceKind, GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
 
 /// Why a culler cannot draw or test.
 #[derive(Debug, Error)]
@@ -26,6 +26,7 @@ pub enum VulkanCullerError {
 
 /// The device of a culler.
 pub struct VulkanCuller {
+    class: DeviceClass,
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
     hzb_place: HzbPlace,
@@ -52,6 +53,10 @@ impl VulkanCuller {
             tracing::warn!("no frame is compared with the host's: the device has no f64 in shaders");
         }
         Ok(Self {
+            class: match scene.gpu().info().kind {
+                DeviceKind::Cpu => DeviceClass::Cpu,
+                _ => DeviceClass::Gpu,
+            },
             pass: OccluderPass::new(scene, size)?,
             occlusion_test,
             hzb_place: if is_checked { HzbPlace::Device } else { scene.gpu().info().hzb_place },
@@ -70,6 +75,10 @@ impl VulkanCuller {
 impl CullerDevice for VulkanCuller {
     fn is_lost(error: &VulkanCullerError) -> bool {
         matches!(error, VulkanCullerError::Gpu(error) if error.is_lost())
+    }
+
+    fn class(&self) -> DeviceClass {
+        self.class
     }
 
     fn cancel_on(&mut self, cancel: &Cancel) {
