@@ -1,7 +1,8 @@
 //! The summary printed at the end of a run.
 
 use super::format::{
-    culler_cells, cullers_differ, figure, grouped, loading, not_culled, plural, sent_ahead, sweep_cells, with_unit,
+    culler_cells, cullers_differ, figure, grouped, loading, not_culled, plural, sent_ahead, sweep_cells,
+    with_unit,
 };
 use super::schema::{METRICS, Report, Run, SweepPoint};
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, Cancel, CullerDevice, CutRule, DeviceClass, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
-    Outline, TestBox, View, Viewport, WholeTraversal,
+    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, DeviceClass, HzbError, HzbTest,
+    OcclusionTest, Outline, TestBox, View, Viewport, WholeTraversal,
 };
 use trimaran_proto::{DrawableId, OcclusionTestKind};
 

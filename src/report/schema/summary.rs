@@ -311,7 +311,8 @@ mod tests {
         let counts = |nodes_visited, boxes_tested| {
             Some(CullingCounts { nodes_visited, boxes_tested, ..CullingCounts::default() })
         };
-        let frame = |culler, culling| Frame { culled_by: Some(Machine::of(culler)), culling, ..Frame::default() };
+        let frame =
+            |culler, culling| Frame { culled_by: Some(Machine::of(culler)), culling, ..Frame::default() };
         let frames = [
             frame(None, counts(0, 0)),
             frame(None, counts(1, 0)),
