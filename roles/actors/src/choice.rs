@@ -9,7 +9,7 @@
 //!   for it. If the other two cost less than the median of the last frames, the mode changes.
 //! - Trials that lose become rarer. What they cost more than other frames is at most a 32nd of all time,
 //!   beyond the first trial.
-//! - If the median changes by half, or the view state does, another trial follows soon.
+//! - If the cost changes by half, another trial follows at once, and soon if the view state changes.
 
 use std::collections::VecDeque;
 
@@ -39,7 +39,7 @@ const SELDOM: u32 = 128;
 /// How many frames of a trial have to cost less, after the first one.
 const WINS: usize = 2;
 /// What cheaper means: by more than this part of the median. Trials may cost this part of all time, and may
-/// save as much up as this many frames cost.
+/// save as much up as this many frames cost, or be that much in debt.
 const PART: u64 = 32;
 const SAVED: u64 = 8;
 /// A trial of the frustum is not drawn if it would cost this many times the last culled frame, by counts.
@@ -150,14 +150,27 @@ impl CullingChoice {
         let usual = self.median();
         let most = i64::try_from(usual.saturating_mul(SAVED)).unwrap_or(i64::MAX);
         self.saved = self.saved.saturating_add_unsigned(cost / PART).min(most);
-        let (low, high) = (usual.min(self.tried_at), usual.max(self.tried_at));
-        if self.tried_at > 0 && high - low > low / 2 {
-            self.tried_at = usual;
-            self.look_again();
+        let changed = self.has_changed();
+        if changed {
+            // Only these say what the mode costs now.
+            self.costs.drain(..self.costs.len().saturating_sub(2));
+            self.tried_at = self.median();
+            (self.interval, self.wait) = (SOON, 0);
         }
-        if self.wait == 0 && self.saved >= 0 {
+        // After a change one trial may be on credit.
+        if self.wait == 0 && self.saved >= if changed { -most } else { 0 } {
             self.trial = Some(Vec::with_capacity(1 + WINS));
         }
+    }
+
+    /// Whether the last two frames cost more than half as much again as when the other mode was tried, or
+    /// less by as much. A single one may have been interrupted.
+    fn has_changed(&self) -> bool {
+        let (low, high) =
+            (self.tried_at - self.tried_at / 3, self.tried_at.saturating_add(self.tried_at / 2));
+        let mut last = self.costs.iter().rev().take(2);
+        let both = self.tried_at > 0 && self.costs.len() > 1;
+        both && (last.clone().all(|cost| *cost > high) || last.all(|cost| *cost < low))
     }
 
     fn median(&self) -> u64 {
