@@ -272,6 +272,20 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_is_answered_after_two_frames_and_an_interruption_is_not() {
+        for (costs, tried) in [([400, 100], false), ([400, 400], true), ([140, 140], false), ([60, 60], true)]
+        {
+            let mut choice = CullingChoice::default();
+            play(&mut choice, &[[100, 110]; 300]);
+            while choice.wait < SELDOM / 2 {
+                play(&mut choice, &[[100, 110]]);
+            }
+            play(&mut choice, &costs.map(|cost| [cost, 110]));
+            assert_eq!(choice.mode() == Mode::Frustum, tried, "{costs:?}");
+        }
+    }
+
+    #[test]
     fn another_view_is_tried_soon() {
         let mut choice = CullingChoice::default();
         play(&mut choice, &[[100, 200]; 300]);
