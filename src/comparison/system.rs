@@ -36,7 +36,7 @@ pub enum System {
     #[value(name = "independent-4")]
     #[serde(rename = "independent-4")]
     Independent4,
-    /// The display culls for itself: occlusion culling in two passes, on one GPU.
+    /// The display culls for itself: occlusion culling in two passes, on one GPU, where that is faster.
     Alone,
     /// Levels of detail and the frustum on one GPU, and nothing else.
     Frustum,

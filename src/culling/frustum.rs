@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use trimaran_actors::RoleError;
-use trimaran_cull::lod_cut;
+use trimaran_cull::{CullError, lod_cut};
+use trimaran_gpu::VulkanCuller;
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::Scene;
 
@@ -26,7 +27,8 @@ impl FrameCuller for Frustum {
     }
 
     fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError> {
-        found.extend(lod_cut(&self.scene, seen.view, seen.rule));
+        let cut = self.scene.reading(|| lod_cut(&self.scene, seen.view, seen.rule));
+        found.extend(cut.map_err(|fault| RoleError::of_culling::<VulkanCuller>(CullError::Scene(fault)))?);
         let emitted = u32::try_from(found.len()).unwrap_or(u32::MAX);
         Ok(CullCounts { emitted, ..CullCounts::default() })
     }

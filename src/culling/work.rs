@@ -85,6 +85,24 @@ impl CullerWork for Culling {
         }
     }
 
+    async fn find_in_frustum(
+        &mut self,
+        camera: Camera,
+        visible: &mut VisibleIds<'_>,
+    ) -> Result<(), RoleError> {
+        match &mut self.work {
+            Work::Scene(work) => work.find_in_frustum(camera, visible).await,
+            Work::Whole(work) => work.find_in_frustum(camera, visible).await,
+        }
+    }
+
+    fn counted_cost(&self, ids: &[DrawableId]) -> Option<Duration> {
+        match &self.work {
+            Work::Scene(work) => work.counted_cost(ids),
+            Work::Whole(work) => work.counted_cost(ids),
+        }
+    }
+
     fn frame_stats(&mut self) -> FrameStats {
         match &mut self.work {
             Work::Scene(work) => work.frame_stats(),

@@ -2,7 +2,7 @@
 
 use indicatif::HumanCount;
 
-use super::schema::{Loading, SentAhead, SweepPoint};
+use super::schema::{Loading, SentAhead, Summary, SweepPoint};
 
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
 /// `78.9`, `1 234`.
@@ -51,6 +51,17 @@ pub(crate) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
 /// `one` or `many`, after its number.
 pub(crate) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
+}
+
+/// How many of the frames a display that culls for itself did not cull, if any.
+pub(super) fn not_culled(summary: &Summary) -> Option<String> {
+    (summary.not_culled_frames > 0).then(|| {
+        format!(
+            "{} of {} drew all in the frustum: occlusion culling would have cost more.",
+            grouped(f64::from(summary.not_culled_frames)),
+            plural(u64::from(summary.frames), "frame", "frames"),
+        )
+    })
 }
 
 /// How many of the pictures were not exact yet, and when: a sentence each.

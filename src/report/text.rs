@@ -1,7 +1,8 @@
 //! The summary printed at the end of a run.
 
 use super::format::{
-    culler_cells, cullers_differ, figure, grouped, loading, plural, sent_ahead, sweep_cells, with_unit,
+    culler_cells, cullers_differ, figure, grouped, loading, not_culled, plural, sent_ahead, sweep_cells,
+    with_unit,
 };
 use super::schema::{METRICS, Report, Run, SweepPoint};
 
@@ -80,6 +81,9 @@ pub fn summary(report: &Report) -> String {
         );
     }
     out += &format!("culling    {}\n", culling(report));
+    if let Some(not_culled) = not_culled(summary) {
+        out += &format!("frustum    {not_culled}\n");
+    }
     if let Some(found) = &summary.loading {
         out += &format!("loading    {}\n", loading(found, summary.frames).join("\n           "));
     }
@@ -261,6 +265,15 @@ mod tests {
         let units: Vec<_> = passes.map(|l| l.split_whitespace().rev().nth(1).unwrap_or_default()).collect();
         assert_eq!(units, ["ms"; 4], "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
+    }
+
+    #[test]
+    fn frames_that_were_not_culled_are_counted() {
+        let mut report = sample::report();
+        assert!(!summary(&report).contains("\nfrustum"), "all were culled");
+        report.summary.not_culled_frames = 7;
+        let text = summary(&report);
+        assert!(text.contains("\nfrustum    7 of 60 frames drew all in the frustum: "), "{text}");
     }
 
     #[test]

@@ -86,6 +86,10 @@ impl Cameras for Wish {
 pub(super) struct DrawsNothing;
 
 impl DisplayWork for DrawsNothing {
+    fn draws_at_once(&self) -> bool {
+        false
+    }
+
     async fn draw(&mut self, _: Camera, _: &mut Vec<DrawableId>, _: u32) -> Result<usize, RoleError> {
         Ok(0)
     }

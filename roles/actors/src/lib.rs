@@ -32,6 +32,7 @@
 //! |---|---|
 //! | `deal` | the culler of each frame, and the next one to show: no link, no device |
 //! | `driver` | the loop of a role: dealer, links and work together |
+//! | `choice` | whether a display that culls for itself culls a frame by occlusion |
 //! | `work`, `device` | a role's work on a frame, and its GPU interface |
 //! | `peers`, `join`, `meeting` | how roles find each other, and reconnect |
 //! | `supply` | geometry for displays that hold no scene |
@@ -42,6 +43,7 @@
 //! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
 //! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
 
+mod choice;
 mod clock;
 mod deal;
 mod device;

@@ -7,6 +7,16 @@ use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
 use crate::{CutRule, DepthImage, Image, OcclusionTest, View};
 
+/// What a device is: equal work costs different times on them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DeviceClass {
+    /// A driver that draws on the CPU.
+    #[default]
+    Cpu,
+    /// A graphics card.
+    Gpu,
+}
+
 /// Whether a wait for a device is to end before its work is done.
 pub type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
 
@@ -17,6 +27,11 @@ pub trait CullerDevice: OcclusionTest {
     fn is_lost(error: &Self::Error) -> bool {
         let _ = error;
         true
+    }
+
+    /// What it is, for estimates of costs.
+    fn class(&self) -> DeviceClass {
+        DeviceClass::default()
     }
 
     /// Called before the role begins: once `cancel` says so, waits for the device end soon, with an error. A

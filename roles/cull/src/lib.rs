@@ -82,7 +82,7 @@ pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untes
 pub use cut_record::CutRecord;
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
-pub use device::{Cancel, CullerDevice, PictureDevice};
+pub use device::{Cancel, CullerDevice, DeviceClass, PictureDevice};
 pub use facing::{Facing, Solids};
 pub use findings::{FalseCullCause, ImageDifference, SURFACE_SLACK_PX};
 pub use frustum::retain_in_sight;

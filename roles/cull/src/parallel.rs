@@ -8,11 +8,11 @@ use trimaran_scene::{ReadError, Scene};
 const CHUNK: usize = 128;
 
 /// The results of `work` on each chunk of these parts, in order.
-pub(crate) fn in_chunks<P: Sync, R: Send>(parts: &[P], work: impl Fn(&[P]) -> R + Sync) -> Vec<R> {
+pub(crate) fn in_chunks<P: Sync, R: Send>(parts: &[P], work: impl Fn(&[P]) -> R + Sync + Send) -> Vec<R> {
     if parts.len() < 2 * CHUNK {
         return vec![work(parts)];
     }
-    parts.par_chunks(CHUNK).map(|chunk| work(chunk)).collect()
+    parts.par_chunks(CHUNK).map(work).collect()
 }
 
 /// The results of `find` on each of these parts of `scene`, in order.

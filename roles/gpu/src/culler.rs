@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest,
-    Outline, TestBox, View, Viewport, WholeTraversal,
+    Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, DeviceClass, HzbError, HzbTest,
+    OcclusionTest, Outline, TestBox, View, Viewport, WholeTraversal,
 };
 use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
-use crate::{GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
+use crate::{DeviceKind, GpuError, GpuScene, HzbPlace, OccluderPass, Optional};
 
 /// Why a culler cannot draw or test.
 #[derive(Debug, Error)]
@@ -28,6 +28,7 @@ const MAPPED_ON_DEVICE: usize = 1000;
 
 /// The device of a culler.
 pub struct VulkanCuller {
+    class: DeviceClass,
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
     hzb_place: HzbPlace,
@@ -56,6 +57,10 @@ impl VulkanCuller {
             tracing::warn!("no frame is compared with the host's: the device has no f64 in shaders");
         }
         Ok(Self {
+            class: match scene.gpu().info().kind {
+                DeviceKind::Cpu => DeviceClass::Cpu,
+                _ => DeviceClass::Gpu,
+            },
             pass: OccluderPass::new(scene, size)?,
             occlusion_test,
             hzb_place: if is_checked { HzbPlace::Device } else { scene.gpu().info().hzb_place },
@@ -75,6 +80,10 @@ impl VulkanCuller {
 impl CullerDevice for VulkanCuller {
     fn is_lost(error: &VulkanCullerError) -> bool {
         matches!(error, VulkanCullerError::Gpu(error) if error.is_lost())
+    }
+
+    fn class(&self) -> DeviceClass {
+        self.class
     }
 
     fn cancel_on(&mut self, cancel: &Cancel) {

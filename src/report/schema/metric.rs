@@ -1,6 +1,6 @@
 //! The figures that a frame may have, as a table: what is summarised, drawn and printed.
 
-use super::Frame;
+use super::{CullingCounts, Frame, Machine};
 
 /// A figure that every frame may have.
 #[derive(Debug, Clone, Copy)]
@@ -96,5 +96,13 @@ impl Frame {
     #[must_use]
     pub fn pair_ms(&self) -> Option<f64> {
         Some(self.or_ms? + self.hc_ms?)
+    }
+
+    /// Whether the display culled it itself, and not by occlusion: each method of that looks at a node or
+    /// tests something.
+    #[must_use]
+    pub fn is_not_culled(&self) -> bool {
+        let found_nothing = |counts: CullingCounts| counts.nodes_visited + counts.boxes_tested == 0;
+        self.culled_by == Some(Machine::Display) && self.culling.is_some_and(found_nothing)
     }
 }

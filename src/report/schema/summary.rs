@@ -23,6 +23,10 @@ pub struct Summary {
     pub frames: u32,
     /// How the walk ended.
     pub ended: Ended,
+    /// Frames that the display drew with all that was in the frustum, because occlusion culling would have
+    /// cost more.
+    #[serde(default)]
+    pub not_culled_frames: u32,
     /// Frames compared with the unculled picture of the same LOD cut.
     pub audited_frames: u32,
     /// Time from the first picture shown to the last, milliseconds.
@@ -126,10 +130,12 @@ impl Summary {
             .filter_map(|m| Some((m.key.to_owned(), Stat::of(frames.iter().filter_map(m.of))?)))
             .collect();
         let median = |key: &str| metrics.get(key).map(|s| s.median);
+        let not_culled = frames.iter().filter(|f| f.is_not_culled()).count();
         let audited = frames.iter().filter(|f| f.cut_mismatch_pixels.is_some()).count();
         Self {
             frames: u32::try_from(frames.len()).unwrap_or(u32::MAX),
             ended,
+            not_culled_frames: u32::try_from(not_culled).unwrap_or(u32::MAX),
             audited_frames: u32::try_from(audited).unwrap_or(u32::MAX),
             wall_ms,
             measured_fps: measured_fps(frames.len(), wall_ms),
@@ -221,8 +227,13 @@ fn bytes_by_kind(frames: &[Frame]) -> Option<SentBytes> {
 
 #[cfg(test)]
 mod tests {
+    use trimaran_actors::CullerId;
+
     use super::*;
-    use crate::report::sample;
+    use crate::report::{
+        sample,
+        schema::{CullingCounts, Machine},
+    };
 
     #[test]
     fn what_was_not_measured_is_not_zero() {
@@ -293,6 +304,25 @@ mod tests {
         };
         assert_eq!([within(2.0), within(2.0 + SURFACE_SLACK_PX), within(2.1)], [true, true, false]);
         assert_eq!(DeviationVerdict::of(None, 2.0), None);
+    }
+
+    #[test]
+    fn frames_are_not_culled_if_the_display_looked_at_nothing() {
+        let counts = |nodes_visited, boxes_tested| {
+            Some(CullingCounts { nodes_visited, boxes_tested, ..CullingCounts::default() })
+        };
+        let frame =
+            |culler, culling| Frame { culled_by: Some(Machine::of(culler)), culling, ..Frame::default() };
+        let frames = [
+            frame(None, counts(0, 0)),
+            frame(None, counts(1, 0)),
+            frame(None, counts(0, 1)),
+            frame(None, None),
+            // Another session has culled it.
+            frame(CullerId::of(0), counts(0, 0)),
+        ];
+        let summary = Summary::of(&sample::run(), &frames, None, Ended::default());
+        assert_eq!(summary.not_culled_frames, 1);
     }
 
     #[test]

@@ -19,6 +19,7 @@ use super::{
     error::{RoleError, link},
 };
 use crate::{
+    choice::Mode,
     clock::Stopwatch,
     deal::{CullerId, Disorder},
     ids::FrameIds,
@@ -77,6 +78,18 @@ pub(super) struct Culled {
     pub(super) arrivals: Vec<(u32, Duration)>,
     /// The traffic of the culler's link since its last frame.
     pub(super) traffic: SentBytes,
+    /// How the display itself found the ids, if it may choose.
+    pub(super) found: Option<FoundAlone>,
+}
+
+/// How a display found a frame's drawables, and what that cost.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FoundAlone {
+    pub(super) mode: Mode,
+    /// The time until they were found, nanoseconds.
+    pub(super) took: u64,
+    /// The cost of the whole frame by counts, nanoseconds.
+    pub(super) counted: u64,
 }
 
 impl Culled {
@@ -93,6 +106,7 @@ impl Culled {
             begun,
             arrivals: Vec::new(),
             traffic: SentBytes::default(),
+            found: None,
         }
     }
 

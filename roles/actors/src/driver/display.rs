@@ -32,6 +32,11 @@ pub trait DisplayWork {
         let _ = state;
     }
 
+    /// Whether [`draw`](Self::draw) ends when the picture is drawn, so that its time says what drawing costs.
+    fn draws_at_once(&self) -> bool {
+        true
+    }
+
     /// A frame is to be drawn: waits until the device is free for it.
     fn begin_frame(&mut self) -> impl Future<Output = ()> {
         ready(())

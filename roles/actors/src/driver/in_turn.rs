@@ -76,6 +76,20 @@ impl<W: CullerWork> CullerWork for InTurn<W> {
         self.work.cull(camera, visible).await
     }
 
+    async fn find_in_frustum(
+        &mut self,
+        camera: Camera,
+        visible: &mut VisibleIds<'_>,
+    ) -> Result<(), RoleError> {
+        self.turn.take().await;
+        self.turn.away();
+        self.work.find_in_frustum(camera, visible).await
+    }
+
+    fn counted_cost(&self, ids: &[DrawableId]) -> Option<Duration> {
+        self.work.counted_cost(ids)
+    }
+
     /// Other roles have computed for a while since the occluders were complete: HC counts as one piece at its
     /// end.
     fn frame_stats(&mut self) -> FrameStats {
@@ -91,6 +105,10 @@ impl<W: DisplayWork> DisplayWork for InTurn<W> {
 
     fn change_view(&mut self, state: &ViewState) {
         self.work.change_view(state);
+    }
+
+    fn draws_at_once(&self) -> bool {
+        self.work.draws_at_once()
     }
 
     async fn begin_frame(&mut self) {

@@ -3,13 +3,14 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    Culler, CutRule, DrawOrder, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders,
-    triangles,
+    CullError, Culler, CutRule, DrawOrder, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
+    select_occluders, triangles,
 };
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState};
 use trimaran_scene::Scene;
 
 use super::{
+    costs::Costs,
     occluders::{OccluderPolicy, map},
     pieces::{InPieces, Pieces},
 };
@@ -215,6 +216,33 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.stats.occluders += count(rounds.occluders());
         self.stats.occluder_triangles += self.stats.rounds.occluder_triangles;
         self.take_times()
+    }
+
+    async fn find_in_frustum(
+        &mut self,
+        camera: Camera,
+        visible: &mut VisibleIds<'_>,
+    ) -> Result<(), RoleError> {
+        self.view = View::of(camera, &self.state);
+        let start = nanoseconds(self.clock.elapsed());
+        self.stats = FrameStats {
+            frame: camera.frame(),
+            or_start_ns: start,
+            or_end_ns: start,
+            ..FrameStats::default()
+        };
+        let scene = self.culler.scene();
+        let found = scene.reading(|| lod_cut(scene, &self.view, &self.rule));
+        let found = found.map_err(|fault| RoleError::of_culling::<D>(CullError::Scene(fault)))?;
+        self.stats.culling.emitted = count(&found);
+        visible.push(&found).await
+    }
+
+    /// A set that stops at few pixels depends on what is hidden, so it has no other form.
+    fn counted_cost(&self, ids: &[DrawableId]) -> Option<Duration> {
+        let (costs, size) = (Costs::of(self.device.class()), self.view.viewport());
+        let exact = !self.rule.lod().stops_at_few_pixels();
+        exact.then(|| costs.of_frame(&self.stats, size, ids.len(), triangles(self.culler.scene(), ids)))
     }
 
     fn frame_stats(&mut self) -> FrameStats {

@@ -1,5 +1,6 @@
 //! The roles' work on a frame of a scene, each on its device.
 
+mod costs;
 mod culling;
 mod gaps;
 mod occluders;

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod choosing;
 mod dealer;
 mod faults;
 mod following;

@@ -35,14 +35,14 @@ use trimaran_transport::{Bulk, LinkConfig, Net, Options, TokioNet, causes, inpro
 
 use crate::common::{Broken, runtime, send_frame};
 
-const SIDE: u32 = 40;
-const EPSILON_PX: f64 = 1.0;
+pub(crate) const SIDE: u32 = 40;
+pub(crate) const EPSILON_PX: f64 = 1.0;
 
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
+pub(crate) static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     crate::common::scene(&PlantOptions { objects: 700, triangles: 50_000, ..PlantOptions::small(3) })
 });
 
-fn settings() -> Settings {
+pub(crate) fn settings() -> Settings {
     crate::common::settings(SIDE, EPSILON_PX)
 }
 
@@ -51,7 +51,7 @@ fn supplied(memory: u64, while_loading: WhileLoading) -> Supplied {
 }
 
 /// A device on the CPU, which may fail at a frame.
-struct Cpu {
+pub(crate) struct Cpu {
     scene: Arc<Scene>,
     view: View,
     buffer: IdBuffer,
@@ -59,7 +59,7 @@ struct Cpu {
 }
 
 impl Cpu {
-    fn new(scene: &Arc<Scene>, fails_at: Option<u32>) -> Self {
+    pub(crate) fn new(scene: &Arc<Scene>, fails_at: Option<u32>) -> Self {
         let viewport = Viewport::new(SIDE, SIDE).unwrap();
         let view = View::new(Camera::at_origin(FrameNumber(0)), viewport);
         Self { scene: Arc::clone(scene), view, buffer: IdBuffer::new(viewport), fails_at }
@@ -104,8 +104,8 @@ impl CullerDevice for Cpu {
 
 /// A picture: solid drawables, and over them pixel by pixel the see-through ones.
 #[derive(Debug, Clone, PartialEq)]
-struct Picture {
-    camera: Camera,
+pub(crate) struct Picture {
+    pub(crate) camera: Camera,
     solid: IdBuffer,
     through: Vec<(usize, TriangleId)>,
 }
@@ -137,9 +137,9 @@ impl Picture {
 }
 
 /// A display's device, which draws the geometry in its scene.
-struct Screen {
-    scene: Arc<Scene>,
-    pictures: Arc<Mutex<Vec<Picture>>>,
+pub(crate) struct Screen {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) pictures: Arc<Mutex<Vec<Picture>>>,
 }
 
 impl PictureDevice for Screen {
@@ -163,7 +163,7 @@ impl PictureDevice for Screen {
 }
 
 /// Cameras on a path through the scene with jumps, and their changing view states.
-struct TestPath {
+pub(crate) struct TestPath {
     poses: Vec<(DVec3, [f64; 4])>,
     states: Vec<Arc<ViewState>>,
     /// How many frames were shown, if that ends the walk.
@@ -172,7 +172,7 @@ struct TestPath {
 }
 
 impl TestPath {
-    fn new(seed: u64, frames: usize) -> Self {
+    pub(crate) fn new(seed: u64, frames: usize) -> Self {
         let mut random = Random::new(seed);
         let (min, max) = PLANT.nodes()[0].world_box();
         let mut pose = (random.point(min, max), random.rotation());
@@ -188,7 +188,7 @@ impl TestPath {
     }
 
     /// Another view state every second frame: hidden, see-through and isolated objects, and sections.
-    fn with_states(self, seed: u64) -> Self {
+    pub(crate) fn with_states(self, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let objects = u32::try_from(PLANT.objects().len()).unwrap();
         let (min, max) = PLANT.nodes()[0].world_box();
@@ -218,7 +218,7 @@ impl TestPath {
         Self { shown: Some(Arc::default()), ..self }
     }
 
-    fn exact(&self, camera: Camera) -> Picture {
+    pub(crate) fn exact(&self, camera: Camera) -> Picture {
         let state = &self.states[camera.view().0 as usize];
         Picture::exact(&View::of(camera, state), state)
     }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::file_name;
-use crate::report::format::{figure, grouped, loading, plural, with_unit};
+use crate::report::format::{figure, grouped, loading, not_culled, plural, with_unit};
 use crate::report::schema::{Bandwidth, DeviationVerdict, Mode, Report, Stat, Summary};
 use crate::report::text::model_hint;
 
@@ -30,6 +30,7 @@ pub(super) fn headline(report: &Report) -> Markup {
             }
             @for note in &run.notes { p.note { (note) } }
             (audit_verdict(summary))
+            @if let Some(not_culled) = not_culled(summary) { p.note { (not_culled) } }
             @if let Some(found) = &summary.loading {
                 p.note { (loading(found, summary.frames).join(" ")) }
             }

@@ -1,6 +1,10 @@
 //! A culler's work on a frame, and the receivers of its ids.
 
-use std::{future::Future, rc::Rc};
+use std::{
+    future::{Future, ready},
+    rc::Rc,
+    time::Duration,
+};
 
 use trimaran_cull::View;
 use trimaran_proto::{Camera, DrawableId, FrameStats, ViewState};
@@ -66,6 +70,27 @@ pub trait CullerWork {
         visible: &mut VisibleIds<'_>,
     ) -> impl Future<Output = Result<(), RoleError>>;
 
+    /// Finds all of the LOD cut in the frustum, instead of the steps above: a picture of it is the same. Only
+    /// for a display that culls for itself, and if [`counted_cost`](Self::counted_cost) gives one.
+    ///
+    /// # Errors
+    /// Those of the device and of `visible`.
+    fn find_in_frustum(
+        &mut self,
+        camera: Camera,
+        visible: &mut VisibleIds<'_>,
+    ) -> impl Future<Output = Result<(), RoleError>> {
+        let _ = (camera, visible);
+        ready(Ok(()))
+    }
+
+    /// About what the frame just culled costs if these ids are drawn, by counts alone: equal frames cost the
+    /// same on each device of a kind. None if this work has to cull each frame.
+    fn counted_cost(&self, ids: &[DrawableId]) -> Option<Duration> {
+        let _ = ids;
+        None
+    }
+
     /// The statistics of the frame just culled.
     fn frame_stats(&mut self) -> FrameStats;
 }
@@ -106,6 +131,11 @@ impl VisibleIds<'_> {
             supply.found(view, ids)?;
         }
         Ok(())
+    }
+
+    /// All ids found so far.
+    pub(crate) fn found(&self) -> &[DrawableId] {
+        &self.found
     }
 
     /// All ids found.

@@ -6,13 +6,17 @@ use trimaran_proto::{Camera, FrameNumber, FrameStats, ViewState, ViewVersion};
 
 use super::super::{
     culler::{CullerWork, VisibleIds},
-    culler_link::Culled,
+    culler_link::{Culled, FoundAlone},
     display::DisplayWork,
     error::RoleError,
     observer::ShownFrame,
 };
 use super::{Loading, Session};
-use crate::deal::{CullerId, Pace};
+use crate::{
+    choice::Mode,
+    clock::nanoseconds,
+    deal::{CullerId, Pace},
+};
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// Publishes the cameras that are due.
@@ -82,24 +86,43 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         self.published.note(camera, self.clock.elapsed());
         if self.culled_in != camera.view() {
             self.culled_in = camera.view();
+            self.choice.look_again();
             let state = self.view_state(camera.view())?;
             if let Some(alone) = &mut self.role.alone {
                 alone.change_view(&state);
             }
         }
         let Some(alone) = &mut self.role.alone else { return Ok(()) };
-        alone.begin_occluders(camera, false).await?;
-        alone.take_occluders(&self.last)?;
-        alone.complete_occluders(camera).await?;
-        let begun = self.clock.elapsed();
+        let (mut mode, mut begun) = (self.choice.mode(), self.clock.elapsed());
         let mut visible = VisibleIds::kept();
-        alone.cull(camera, &mut visible).await?;
-        let occluders_of = self.stats.last_shown();
+        if mode == Mode::Frustum {
+            alone.find_in_frustum(camera, &mut visible).await?;
+            let counted = alone.counted_cost(visible.found()).map(nanoseconds);
+            let by_counts = matches!(self.role.pace, Pace::Lockstep { .. });
+            if !counted.is_some_and(|counted| self.choice.may_draw_frustum(counted, by_counts)) {
+                (mode, visible) = (Mode::Occlusion, VisibleIds::kept());
+            }
+        }
+        let mut occluders_of = None;
+        if mode == Mode::Occlusion {
+            alone.begin_occluders(camera, false).await?;
+            // All that was in the frustum says little of what hides much: then it is as after a jump.
+            if !self.last_in_frustum {
+                alone.take_occluders(&self.last)?;
+                occluders_of = self.stats.last_shown();
+            }
+            alone.complete_occluders(camera).await?;
+            begun = self.clock.elapsed();
+            alone.cull(camera, &mut visible).await?;
+        }
         let stats = FrameStats { occluders_of, ..alone.frame_stats() };
+        let ids = visible.into_found();
+        let took = stats.or_busy_ns.saturating_add(stats.hc_end_ns.saturating_sub(stats.hc_start_ns));
+        let counted = alone.counted_cost(&ids).map(nanoseconds);
+        let found = counted.map(|counted| FoundAlone { mode, took, counted });
         // It is not shown yet.
         let _later = self.stats.note(stats);
-        let culled = Culled::alone(camera, visible.into_found(), begun);
-        self.there.insert(frame, culled);
+        self.there.insert(frame, Culled { found, ..Culled::alone(camera, ids, begun) });
         self.dealer.culled_itself(frame);
         Ok(())
     }
@@ -116,6 +139,18 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             self.observer.culled(&stats);
         }
         Ok(())
+    }
+
+    /// A frame that the display itself has culled is drawn. In lockstep only counts decide how the next one
+    /// is culled, so that equal walks draw equal ids.
+    fn note_cost(&mut self, FoundAlone { mode, took, counted }: FoundAlone, drawing: Duration) {
+        let cost = match self.role.pace {
+            Pace::Lockstep { .. } => counted,
+            Pace::Live => took.saturating_add(nanoseconds(drawing)),
+        };
+        if self.role.work.draws_at_once() {
+            self.choice.drawn(mode, cost, counted);
+        }
     }
 
     /// Shows the last frame again, after more of it has come.
@@ -150,6 +185,10 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         self.shown_whole = (culled.missing == 0).then_some(camera);
         let shown = self.clock.elapsed();
         let on_device = self.role.work.device_time();
+        if let Some(found) = culled.found {
+            self.note_cost(found, shown.saturating_sub(drawing));
+        }
+        self.last_in_frustum = culled.found.is_some_and(|found| found.mode == Mode::Frustum);
         let number = self.stats.next_number();
         let picture = match self.observer.wants_picture(number) {
             true => self.role.work.picture()?,

@@ -24,6 +24,7 @@ use super::{
     shown_stats::ShownStats,
 };
 use crate::{
+    choice::CullingChoice,
     clock::Stopwatch,
     deal::{CullerId, Dealer, Disorder, Pace, Schedule},
     join::JoinError,
@@ -63,6 +64,10 @@ pub(super) struct Session<'r, W, A> {
     stats: ShownStats,
     /// The drawables of the last picture.
     last: Vec<DrawableId>,
+    /// Whether they are all that was in the frustum.
+    last_in_frustum: bool,
+    /// How it finds those of a frame that it culls itself.
+    choice: CullingChoice,
     /// The view states of the last frames that it culled itself and drew.
     culled_in: ViewVersion,
     drawn_in: ViewVersion,
@@ -142,6 +147,8 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             shown_whole: None,
             stats: ShownStats::from(role.first),
             last: Vec::new(),
+            last_in_frustum: false,
+            choice: CullingChoice::default(),
             culled_in: ViewVersion(0),
             drawn_in: ViewVersion(0),
             clock: role.turns.clock(),
