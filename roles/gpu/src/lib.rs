@@ -98,6 +98,7 @@ mod stream;
 mod timestamps;
 mod timing;
 mod traversal;
+mod traversal_lists;
 mod tree;
 mod validation;
 mod wait;

@@ -1,4 +1,5 @@
 //! HC in one submission: the device goes through the tree by itself, from the root to the visible drawables.
+//! So it does for OR, from the last frame's drawables to their counterparts in this frame's cut.
 //!
 //! The host waits once a frame in place of once a level of the tree. Records that the device lacks end a
 //! branch: the host brings them, and another submission goes on there. Nothing is left out: a list that
@@ -10,19 +11,20 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Zeroable as _;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::{CutRecord, CutRule, ScreenRecord, StepCounts, View, WholeTraversal};
+use trimaran_cull::{CutRecord, CutRule, View, WholeTraversal};
 use trimaran_proto::DrawableId;
 
-use crate::layout::{BindingSet, Layout};
-use crate::memory::{Buffer, HostBuffer};
+use crate::layout::Layout;
+use crate::memory::Buffer;
 use crate::pass::OverDepth;
 use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Constants, Halving, Pyramid};
 use crate::reuse::reuse_or_make;
 use crate::scope;
 use crate::timing::Pass;
+use crate::traversal_lists::{Counters, Dispatches, PREPARED_AT_ONCE, Room, STEPS};
 use crate::tree::{Entry, Tree, Upload};
-use crate::{Gpu, GpuError, GpuScene};
+use crate::{GpuError, GpuScene};
 
 /// The pipelines and buffers of one culler.
 pub(crate) struct DeviceTraversal {
@@ -41,28 +43,6 @@ pub(crate) struct DeviceTraversal {
     stamps: Buffer,
     /// The last mapping's; 0 if nothing is marked on the device.
     stamp: u32,
-}
-
-/// Lists of one capacity. The set binds them, the pyramid and the scene's tree.
-struct Room {
-    set: BindingSet,
-    capacity: u32,
-    cut: HostBuffer<CutRecord>,
-    /// The counters and the entries to begin with.
-    first: HostBuffer<Counters>,
-    first_entries: HostBuffer<Entry>,
-    /// The drawables to map.
-    mapped: HostBuffer<Entry>,
-    entries: Buffer,
-    #[expect(dead_code, reason = "held")]
-    boxes: Buffer,
-    #[expect(dead_code, reason = "held")]
-    outcomes: Buffer,
-    counters: Buffer,
-    /// The counters at the end.
-    counted: HostBuffer<Counters>,
-    visible: HostBuffer<u32>,
-    missing: HostBuffer<Entry>,
 }
 
 /// A pyramid over a culler's depth, built or to be built.
@@ -94,49 +74,12 @@ impl<'a> Visit<'a> {
     }
 }
 
-/// The workgroups of a dispatch.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Groups([u32; 3]);
-
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Dispatches {
-    prepare: Groups,
-    test: Groups,
-    entries: u32,
-    boxes: u32,
-}
-
-impl Dispatches {
-    const NONE: Self = Self { prepare: Groups([0, 1, 1]), test: Groups([0, 1, 1]), entries: 0, boxes: 0 };
-}
-
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Counters {
-    visible: u32,
-    missing: u32,
-    overflow: u32,
-    dispatches: [Dispatches; STEPS + 1],
-    steps: [StepCounts; STEPS],
-}
-
-/// The most steps of a frame: the tree's depth, and one more for the pieces of the deepest nodes.
-const STEPS: usize = 64;
-
-/// Entries that a workgroup prepares.
-const PREPARED_AT_ONCE: u32 = 64;
-
 /// The lists of a culler at first, and the most that a dispatch takes: Vulkan promises as many workgroups.
 const FIRST_CAPACITY: u32 = 8_191;
 const MOST_CAPACITY: u32 = 65_535;
 
 /// Submissions of a frame, most of which bring records, before the host takes over.
 const MOST_SUBMISSIONS: usize = 256;
-
-/// The bytes of `Outcome`.
-const OUTCOME_BYTES: usize = 20;
 
 /// The storage buffers that the shaders bind.
 const BUFFERS: u32 = 13;
@@ -379,84 +322,6 @@ impl DeviceTraversal {
     }
 }
 
-impl Counters {
-    /// The same before a submission that begins with this many entries.
-    fn with_first(self, entries: u32) -> Self {
-        let mut dispatches = [Dispatches::NONE; STEPS + 1];
-        dispatches[0] = Dispatches {
-            prepare: Groups([entries.div_ceil(PREPARED_AT_ONCE), 1, 1]),
-            entries,
-            ..Dispatches::NONE
-        };
-        Self { missing: 0, overflow: 0, dispatches, ..self }
-    }
-}
-
-impl Room {
-    /// The copy of this many entries to where those of the second step will stand.
-    const fn second_list(&self, entries: usize) -> vk::BufferCopy {
-        let bytes = size_of::<Entry>() as u64;
-        vk::BufferCopy {
-            src_offset: 0,
-            dst_offset: self.capacity as u64 * bytes,
-            size: entries as u64 * bytes,
-        }
-    }
-
-    fn new(
-        gpu: &Arc<Gpu>,
-        layout: &Arc<Layout>,
-        bound: [&Buffer; 6],
-        capacity: u32,
-    ) -> Result<Self, GpuError> {
-        use vk::BufferUsageFlags as Usage;
-        const LISTS: &str = "lists of a traversal";
-        let count = capacity as usize;
-        let list = |usage: Usage, bytes: usize| {
-            Buffer::new(gpu, LISTS, Usage::STORAGE_BUFFER | usage, MemoryLocation::GpuOnly, bytes as u64)
-        };
-        let entries = list(Usage::TRANSFER_DST, 2 * count * size_of::<Entry>())?;
-        let boxes = list(Usage::empty(), count * size_of::<ScreenRecord>())?;
-        let outcomes = list(Usage::empty(), count * OUTCOME_BYTES)?;
-        let counted = Usage::TRANSFER_SRC | Usage::TRANSFER_DST | Usage::INDIRECT_BUFFER;
-        let counters = list(counted, size_of::<Counters>())?;
-        let cut = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu, 1)?;
-        let visible = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::GpuToCpu, count)?;
-        let missing = HostBuffer::new(gpu, LISTS, Usage::STORAGE_BUFFER, MemoryLocation::GpuToCpu, count)?;
-        let [texels, pages, nodes, drawables, appearances, stamps] = bound;
-        let buffers = [
-            texels,
-            &boxes,
-            cut.buffer(),
-            pages,
-            nodes,
-            drawables,
-            &entries,
-            &outcomes,
-            visible.buffer(),
-            &counters,
-            missing.buffer(),
-            appearances,
-            stamps,
-        ];
-        Ok(Self {
-            set: BindingSet::new(layout, &buffers)?,
-            capacity,
-            first: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu, 1)?,
-            first_entries: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu, count)?,
-            mapped: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu, count)?,
-            counted: HostBuffer::new(gpu, LISTS, Usage::TRANSFER_DST, MemoryLocation::GpuToCpu, 1)?,
-            cut,
-            entries,
-            boxes,
-            outcomes,
-            counters,
-            visible,
-            missing,
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
@@ -464,7 +329,7 @@ mod tests {
     use trimaran_cull::{CutRule, LodRule, OcclusionTest as _, Viewport, WholeTraversal, lod_cut};
     use trimaran_proto::{DrawableId, Settings, ViewState};
 
-    use super::FIRST_CAPACITY;
+    use super::{FIRST_CAPACITY, LAST_STAMP};
     use crate::common::{CheckedGpu, lacks_float64};
     use crate::tree::TreeBudget;
     use crate::{GpuScene, OccluderPass};
@@ -496,6 +361,10 @@ mod tests {
         for (frame, view) in views.into_iter().enumerate() {
             let pass = &mut passes[frame % 2];
             pass.begin(&view).unwrap();
+            if frame == 7 {
+                // The next stamps begin anew.
+                pass.hzb_test().unwrap().traversal().stamp = LAST_STAMP - 1;
+            }
             let before = pass.pass.unfinished_depth().stream.submissions();
             let mut mapped = pass.hzb_test().unwrap().map(&view, &rule, &last).unwrap();
             mapped.iter_mut().for_each(|mapped| mapped.sort_unstable());
