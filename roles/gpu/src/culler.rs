@@ -23,7 +23,8 @@ pub enum VulkanCullerError {
     Hzb(#[from] HzbError),
 }
 
-/// A host thread maps fewer ids while a device is still being waited for: it takes some 0.25 µs for each.
+/// The host has mapped fewer ids before it would have waited for the device: a few tenths of a microsecond
+/// each.
 const MAPPED_ON_DEVICE: usize = 1000;
 
 /// The device of a culler.

@@ -31,8 +31,8 @@ pub struct Frame {
     pub hc_ms: Option<f64>,
     /// Busy time of RVG for this frame: drawing the visible set. Milliseconds.
     pub rvg_ms: Option<f64>,
-    /// The device's time for OR's occluders, by its own timestamps, milliseconds. Each of these four is `None`
-    /// where nothing was done on the device, or it has no timestamps.
+    /// The device's time for OR's occluders, by its own timestamps, milliseconds. Each of these four is
+    /// `None` where nothing was done on the device, or it has no timestamps.
     #[serde(default)]
     pub occluders_device_ms: Option<f64>,
     /// The same for HC's depth pyramid.
