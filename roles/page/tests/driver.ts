@@ -264,13 +264,15 @@ function state(): unknown {
   };
 }
 
-/** A touch of about this duration, however busy the page is. */
+/** A touch of at least this duration, and by its events' times of just this, however busy the machine is. */
 async function touch({ x, y, milliseconds }: Spot & Time): Promise<void> {
   const devtools = await page.context().newCDPSession(page);
-  const touchPoints = [{ x, y }];
-  const down = devtools.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints });
+  const timestamp = Date.now() / 1000;
+  const end = { timestamp: timestamp + milliseconds / 1000, touchPoints: [] };
+  const begin = { timestamp, touchPoints: [{ x, y }] };
+  const down = devtools.send("Input.dispatchTouchEvent", { type: "touchStart", ...begin });
   await page.waitForTimeout(milliseconds);
-  await Promise.all([down, devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] })]);
+  await Promise.all([down, devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", ...end })]);
   await devtools.detach();
 }
 
