@@ -13,6 +13,8 @@
 
 use std::collections::VecDeque;
 
+use crate::median::median;
+
 /// How a display finds the drawables of a frame that it culls itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mode {
@@ -38,8 +40,8 @@ const SOON: u32 = 8;
 const SELDOM: u32 = 128;
 /// How many frames of a trial have to cost less, after the first one.
 const WINS: usize = 2;
-/// What cheaper means: by more than this part of the median. Trials may cost this part of all time, and may
-/// save as much up as this many frames cost, or be that much in debt.
+/// A mode is cheaper if it costs less by more than this part of the median. Trials may cost this part of all
+/// time. They may save up the cost of `SAVED` frames, or owe as much.
 const PART: u64 = 32;
 const SAVED: u64 = 8;
 /// A trial of the frustum is not drawn if it would cost this many times the last culled frame, by counts.
@@ -59,9 +61,9 @@ pub(crate) struct CullingChoice {
     /// After how many frames the next one begins, and the one after it if it loses.
     wait: u32,
     interval: u32,
-    /// What trials may still cost; below 0 none begins.
+    /// The cost that trials may still have; below 0 none begins.
     saved: i64,
-    /// What the last culled frame cost by counts.
+    /// The cost of the last culled frame by counts.
     culled: Option<u64>,
 }
 
@@ -176,9 +178,7 @@ impl CullingChoice {
     }
 
     fn median(&self) -> u64 {
-        let mut costs: Vec<u64> = self.costs.iter().copied().collect();
-        costs.sort_unstable();
-        costs.get(costs.len() / 2).copied().unwrap_or(0)
+        median(self.costs.iter().copied()).unwrap_or_default()
     }
 }
 
@@ -188,7 +188,7 @@ mod tests {
 
     use super::*;
 
-    /// What `frames` frames cost in the modes chosen, and these modes, if each frame costs that much.
+    /// The cost of all `frames` in the modes chosen, and these modes, if each frame costs that much.
     fn play(choice: &mut CullingChoice, frames: &[[u64; 2]]) -> (u64, Vec<Mode>) {
         let mut modes = Vec::new();
         let mut total = 0;

@@ -41,7 +41,7 @@
 //! | `limits` | the limits of sessions |
 //! | `sharing`, `shared_sets`, `leads` | objects that sessions share: visible sets, leaders, packed geometry |
 //! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
-//! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
+//! | `stop`, `turn`, `shares`, `clock`, `median` | stop requests; computing one after another; measuring |
 
 mod choice;
 mod clock;
@@ -54,6 +54,7 @@ mod leads;
 mod limits;
 mod links;
 mod local;
+mod median;
 mod meeting;
 mod peers;
 mod relay;

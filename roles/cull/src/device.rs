@@ -7,7 +7,7 @@ use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
 use crate::{CutRule, DepthImage, Image, OcclusionTest, View};
 
-/// What a device is: equal work costs different times on them.
+/// The class of a device: equal work costs different times on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceClass {
     /// A driver that draws on the CPU.
@@ -29,7 +29,7 @@ pub trait CullerDevice: OcclusionTest {
         true
     }
 
-    /// What it is, for estimates of costs.
+    /// Its class, for estimates of costs.
     fn class(&self) -> DeviceClass {
         DeviceClass::default()
     }

@@ -56,8 +56,8 @@ pub struct Rounds<'c> {
 }
 
 impl<'c> Rounds<'c> {
-    /// Continues a traversal that has just begun. `drawn` are the occluders of its first round. `last` are the
-    /// counterparts of the last frame's visible set, ascending.
+    /// Continues a traversal that has just begun. `drawn` are the occluders of its first round. `last` are
+    /// the counterparts of the last frame's visible set, ascending.
     #[must_use]
     pub fn new(
         traversal: Traversal<'c>,

@@ -23,8 +23,8 @@ pub enum VulkanCullerError {
     Hzb(#[from] HzbError),
 }
 
-/// The host has mapped fewer ids before it would have waited for the device: a few tenths of a microsecond
-/// each.
+/// The host maps fewer ids: at a few tenths of a microsecond each it should be done before a wait for the
+/// device would end.
 const MAPPED_ON_DEVICE: usize = 1000;
 
 /// The device of a culler.

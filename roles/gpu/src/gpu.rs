@@ -21,7 +21,8 @@ pub struct GpuOptions {
     /// Whether the Khronos validation layer checks every call, synchronization included. Slow; for tests.
     pub validation: bool,
     /// Whether each culler on a device with f64 traverses the tree on it, whatever its kind, and compares
-    /// each traversal with the host's: see [`CullError::Differs`](trimaran_cull::CullError::Differs).
+    /// each traversal with the host's: see [`CullError::Differs`](trimaran_cull::CullError::Differs) and
+    /// [`OccluderError::Differs`](trimaran_cull::OccluderError::Differs).
     pub check_traversals: bool,
     /// Which device.
     pub device: DeviceChoice,

@@ -54,13 +54,13 @@ pub(crate) struct PyramidDepth<'a> {
     pub(crate) constants: Constants,
 }
 
-/// What a submission begins with.
+/// The beginning of a submission.
 struct Visit<'a> {
     /// The entries to visit.
     from: Vec<Entry>,
     /// Those whose records are brought.
     lacks: Vec<Entry>,
-    /// What was counted before.
+    /// The counters before it.
     counters: Counters,
     /// The drawables to mark before.
     mapped: &'a [DrawableId],
@@ -135,9 +135,7 @@ impl DeviceTraversal {
         rule: &CutRule,
     ) -> Result<Option<WholeTraversal>, GpuError> {
         let Some(counters) = self.go_through(depth, scene, (view, rule), &[])? else { return Ok(None) };
-        let used = counters.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
-        let steps = counters.steps.iter().take(used).copied().collect();
-        Ok(Some(WholeTraversal { visible: self.found(&counters), steps }))
+        Ok(Some(WholeTraversal { visible: self.found(&counters), steps: counters.used_steps().to_vec() }))
     }
 
     /// The counterparts of `ids` in the cut, each once. `None` as for [`traverse`](Self::traverse).
@@ -156,7 +154,6 @@ impl DeviceTraversal {
         if ids.len() > MOST_CAPACITY as usize || ids.iter().any(|id| id.index() >= count) {
             return Ok(None);
         }
-        // As lists grow.
         while (self.capacity as usize) < ids.len() {
             self.capacity = (self.capacity * 4).min(MOST_CAPACITY);
         }
@@ -164,7 +161,7 @@ impl DeviceTraversal {
         Ok(counters.map(|counters| self.found(&counters)))
     }
 
-    /// What the last submission has found.
+    /// The drawables that the last submission has found.
     fn found(&self, counters: &Counters) -> Vec<DrawableId> {
         let found =
             self.room.as_ref().and_then(|room| room.visible.elements().get(..counters.visible as usize));
@@ -203,9 +200,7 @@ impl DeviceTraversal {
                     return Ok(None);
                 }
             } else if counters.missing == 0 {
-                let used =
-                    counters.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
-                self.steps[usize::from(mapped.is_empty())] = used as u32;
+                self.steps[usize::from(mapped.is_empty())] = counters.used_steps().len() as u32;
                 return Ok(Some(counters));
             } else {
                 at = Visit { from: lacks.to_vec(), lacks: lacks.to_vec(), counters, mapped: &[] };
@@ -372,7 +367,7 @@ mod tests {
             let mut whole = pass.hzb_test().unwrap().traverse(&view, &rule).unwrap();
             most = most.max(pass.pass.over_depth().unwrap().stream.submissions() - before);
             whole.iter_mut().for_each(|whole| whole.visible.sort_unstable());
-            // What another size of the tree leaves to the host does not change the next frame.
+            // The next frame is the same if another size of the tree leaves this one to the host.
             last = lod_cut(&scene, &view, &rule);
             found.push((mapped, whole));
         }

@@ -81,6 +81,12 @@ impl Counters {
         };
         Self { missing: 0, overflow: 0, dispatches, ..self }
     }
+
+    /// The counters of the steps that visited anything.
+    pub(crate) fn used_steps(&self) -> &[StepCounts] {
+        let used = self.steps.iter().rposition(|step| step.visited > 0).map_or(0, |last| last + 1);
+        self.steps.get(..used).unwrap_or_default()
+    }
 }
 
 impl Room {

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, ops::Add};
 use serde::{Deserialize, Serialize};
 use trimaran_cull::SURFACE_SLACK_PX;
 
-use crate::report::FrameLoad;
+use crate::{culling::CullingMethod, report::FrameLoad};
 
 use super::{
     Ended, FalseCull, FalseCullCause, Frame, Loading, LowStat, METRICS, Model, Run, SentBytes, Stat,
@@ -130,7 +130,9 @@ impl Summary {
             .filter_map(|m| Some((m.key.to_owned(), Stat::of(frames.iter().filter_map(m.of))?)))
             .collect();
         let median = |key: &str| metrics.get(key).map(|s| s.median);
-        let not_culled = frames.iter().filter(|f| f.is_not_culled()).count();
+        // Another method was asked for, and is no choice.
+        let may_choose = run.culling == CullingMethod::Trimaran;
+        let not_culled = frames.iter().filter(|f| may_choose && f.is_not_culled()).count();
         let audited = frames.iter().filter(|f| f.cut_mismatch_pixels.is_some()).count();
         Self {
             frames: u32::try_from(frames.len()).unwrap_or(u32::MAX),
@@ -323,6 +325,8 @@ mod tests {
         ];
         let summary = Summary::of(&sample::run(), &frames, None, Ended::default());
         assert_eq!(summary.not_culled_frames, 1);
+        let asked_for = Run { culling: CullingMethod::Frustum, ..sample::run() };
+        assert_eq!(Summary::of(&asked_for, &frames, None, Ended::default()).not_culled_frames, 0);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::{collections::VecDeque, time::Duration};
 
+use crate::median::median;
+
 /// The culling times of the last frames, over all cullers.
 #[derive(Debug, Default)]
 pub(super) struct Usual {
@@ -28,9 +30,7 @@ impl Usual {
         if self.times.len() < 3 {
             return Self::AT_FIRST.max(least);
         }
-        let mut sorted: Vec<_> = self.times.iter().copied().collect();
-        sorted.sort_unstable();
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        let median = median(self.times.iter().copied()).unwrap_or_default();
         (median * Self::MULTIPLE).max(least)
     }
 }

@@ -103,7 +103,7 @@ pub enum RoleError {
     Cull(#[source] BoxedError),
     /// A peer named a drawable that the scene lacks, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
-    Unknown(#[from] OccluderError),
+    Unknown(#[source] OccluderError),
     /// A view state cannot be sent or read.
     #[error("a view state was not understood")]
     View(#[from] ViewStateError),
@@ -113,6 +113,15 @@ pub enum RoleError {
     /// The observer failed to record a frame.
     #[error("what is shown cannot be recorded any more")]
     Observer(#[source] BoxedError),
+}
+
+impl From<OccluderError> for RoleError {
+    fn from(error: OccluderError) -> Self {
+        match error {
+            OccluderError::Unknown { .. } => Self::Unknown(error),
+            error => Self::Cull(error.into()),
+        }
+    }
 }
 
 impl RoleError {

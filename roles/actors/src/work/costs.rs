@@ -5,7 +5,7 @@ use std::time::Duration;
 use trimaran_cull::{DeviceClass, Viewport};
 use trimaran_proto::FrameStats;
 
-/// What parts of a frame cost on a class of device, in nanoseconds. Only their proportions matter.
+/// The costs of a frame's parts on a class of device, in nanoseconds. Only their proportions matter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Costs {
     /// Of each frame that is culled, beside its parts: clearing, waiting.

@@ -1,6 +1,6 @@
 //! A culler's occluder selection, and its rounds.
 
-use std::{collections::BTreeSet, sync::Arc};
+use std::sync::Arc;
 
 use trimaran_cull::{
     CullStats, Culler, CutRule, LodCut, OccluderError, OccluderMapper, RoundRule, Rounds, TriangleBudget,
@@ -109,26 +109,105 @@ pub(super) fn map<D: CullerDevice>(
     (view, rule): (&View, &CutRule),
     last: &[DrawableId],
 ) -> Result<Vec<DrawableId>, RoleError> {
-    let own =
+    let mut own =
         device.map_occluders(view, rule, last).map_err(RoleError::of_device::<D>("mapping occluders"))?;
-    let mut own = match own {
-        Some(own) if !device.is_checked() => own,
+    own.iter_mut().for_each(|ids| ids.sort_unstable());
+    match own {
+        Some(own) if !device.is_checked() => Ok(own),
         own => {
-            let mut mapped = Vec::new();
-            mapper.push(last, &mut mapped)?;
-            let differs = own.filter(|own| !same_set(own, &mapped));
-            match differs {
-                Some(own) => return Err(OccluderError::Differs { own: own.len(), host: mapped.len() }.into()),
-                None => mapped,
+            let mut host = Vec::new();
+            mapper.push(last, &mut host)?;
+            host.sort_unstable();
+            match own.filter(|own| *own != host) {
+                Some(own) => Err(OccluderError::Differs { own: own.len(), host: host.len() }.into()),
+                None => Ok(host),
             }
         }
-    };
-    own.sort_unstable();
-    Ok(own)
+    }
 }
 
-/// Whether both have the same ids, each once.
-fn same_set(a: &[DrawableId], b: &[DrawableId]) -> bool {
-    let ids = |set: &[DrawableId]| set.iter().copied().collect::<BTreeSet<_>>();
-    a.len() == b.len() && ids(a) == ids(b)
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use trimaran_cook::{
+        CookOptions, cook,
+        generate::{PlantOptions, plant},
+    };
+    use trimaran_cull::{DepthImage, LodRule, NoOccluders, OcclusionTest, TestBox, Viewport, lod_cut};
+    use trimaran_proto::{Camera, FrameNumber};
+
+    use super::*;
+
+    /// A device that maps every set to the same drawables.
+    struct Maps {
+        to: Option<Vec<DrawableId>>,
+        is_checked: bool,
+    }
+
+    impl OcclusionTest for Maps {
+        type Error = Infallible;
+
+        fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
+            NoOccluders.test(view, boxes, visible)
+        }
+
+        fn is_checked(&self) -> bool {
+            self.is_checked
+        }
+    }
+
+    impl CullerDevice for Maps {
+        fn begin_occluders(&mut self, _: &View) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn map_occluders(
+            &mut self,
+            _: &View,
+            _: &CutRule,
+            _: &[DrawableId],
+        ) -> Result<Option<Vec<DrawableId>>, Infallible> {
+            Ok(self.to.clone())
+        }
+
+        fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn finish_occluders(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
+            panic!("nobody looks at the depth here")
+        }
+    }
+
+    #[test]
+    fn a_device_maps_in_place_of_the_host_and_is_compared_with_it_where_it_is_checked() {
+        let model = plant(&PlantOptions { objects: 20, triangles: 2000, ..PlantOptions::small(5) });
+        let scene = Arc::new(cook(&model, &CookOptions::default(), &()).unwrap());
+        let (min, max) = scene.nodes()[0].world_box();
+        let eye = ((min + max) * 0.5).to_array();
+        let camera = Camera::new(eye, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(64, 64).unwrap());
+        let rule = CutRule::from(LodRule::new(1.0).unwrap());
+        let mut cut = lod_cut(&scene, &view, &rule);
+        cut.sort_unstable();
+        assert!(cut.len() > 2);
+        let mapped = |to: Option<Vec<DrawableId>>, is_checked| {
+            let mut mapper = OccluderMapper::new(Arc::clone(&scene), view, &rule);
+            map(&mut Maps { to, is_checked }, &mut mapper, (&view, &rule), &cut)
+        };
+        let some: Vec<_> = cut[1..].iter().rev().copied().collect();
+        assert_eq!(mapped(Some(some.clone()), false).unwrap(), cut[1..], "the device's, ascending");
+        assert_eq!(mapped(None, true).unwrap(), cut, "the host's");
+        assert_eq!(mapped(Some(cut.iter().rev().copied().collect()), true).unwrap(), cut);
+        let Err(RoleError::Cull(cause)) = mapped(Some(some), true) else {
+            panic!("nobody notices that one is missing");
+        };
+        let expected = format!("the device mapped the last frame to {} occluders", cut.len() - 1);
+        assert!(cause.to_string().starts_with(&expected), "{cause}");
+    }
 }

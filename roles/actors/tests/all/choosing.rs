@@ -48,7 +48,7 @@ fn looking_about(frame: FrameNumber) -> Camera {
     turned([0.0; 3], 0.04 * (0.3 * f64::from(frame.0)).sin(), 0.3, frame)
 }
 
-/// What a display drew, and the frames that it did not cull by occlusion.
+/// The pictures of a display, and the frames that it did not cull by occlusion.
 #[derive(Debug, Default)]
 struct Walk {
     ids: Vec<Vec<DrawableId>>,

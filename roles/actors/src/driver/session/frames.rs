@@ -93,7 +93,9 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             }
         }
         let Some(alone) = &mut self.role.alone else { return Ok(()) };
-        let (mut mode, mut begun) = (self.choice.mode(), self.clock.elapsed());
+        let has_choice = alone.counted_cost(&[]).is_some();
+        let mut mode = if has_choice { self.choice.mode() } else { Mode::Occlusion };
+        let mut begun = self.clock.elapsed();
         let mut visible = VisibleIds::kept();
         if mode == Mode::Frustum {
             alone.find_in_frustum(camera, &mut visible).await?;
