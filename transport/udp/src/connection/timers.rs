@@ -28,7 +28,7 @@ impl Connection {
             }
         };
         or_at(self.recovery.timeout());
-        or_at(self.recovery.unheard_since().map(|since| since.after(self.config.idle_timeout)));
+        or_at(self.deaf_at());
         or_at(self.acks.due());
         or_at(self.paced_until);
         or_at(self.question_due());
@@ -51,7 +51,7 @@ impl Connection {
             self.end(Closed::Silent(self.config.idle_timeout));
             return;
         }
-        if self.recovery.unheard_since().is_some_and(|since| now >= since.after(self.config.idle_timeout)) {
+        if self.deaf_at().is_some_and(|at| at <= now) {
             self.end(Closed::Deaf(self.config.idle_timeout));
             return;
         }
@@ -72,6 +72,14 @@ impl Connection {
                 self.resize();
             }
         }
+    }
+
+    /// When the peer is given up although it sends. A peer from which nothing came for as long as two
+    /// keep-alives take may be silent, and the idle timeout tells.
+    fn deaf_at(&self) -> Option<Instant> {
+        let idle_timeout = self.config.idle_timeout;
+        let since = self.recovery.unheard_since()?;
+        (self.last_received >= since.after(idle_timeout / 2)).then(|| since.after(idle_timeout))
     }
 
     /// Adopts the size of datagrams that is known to arrive.

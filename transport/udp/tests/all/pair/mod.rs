@@ -281,6 +281,24 @@ fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(idle_timeout)));
 }
 
+/// The last of it may come a moment after the first packet that it has not acknowledged.
+#[test]
+fn a_peer_that_falls_silent_counts_as_silent_although_it_acknowledged_nothing() {
+    let idle_timeout = Duration::from_secs(5);
+    let config = Config { idle_timeout, ..config() };
+    let mut pair = Pair::new(CLEAN, config);
+    pair.deaf = true;
+    pair.ends[0].publish(None, value(0));
+    pair.step_until(pair.now.after(Duration::from_millis(100)), Instant::from_nanos(u64::MAX));
+    pair.ends[1].publish(None, value(1));
+    pair.step_until(pair.now.after(Duration::from_millis(100)), Instant::from_nanos(u64::MAX));
+    assert_eq!(pair.ends[0].latest(None), Some(value(1)));
+    pair.network.loss = 1000;
+    let end = pair.now.after(idle_timeout * 2);
+    while pair.ends[0].closed().is_none() && pair.step(end) {}
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Silent(idle_timeout)));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
