@@ -41,12 +41,17 @@ pub(super) fn plan(
     visible: bool,
     pace: Pace,
 ) -> Result<Plan, Failure> {
-    if walk.few_pixels && walk.occlusion_test == OcclusionTestArg::Hzb {
-        let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
-        return Err(Failure::bad_input(why));
-    }
-    if walk.few_pixels && culling != CullingMethod::Trimaran {
-        let why = format!("--culling {culling} counts no pixels: leave --few-pixels out");
+    let occlusion_test = match walk.occlusion_test {
+        OcclusionTestArg::Query => OcclusionTestKind::Query,
+        OcclusionTestArg::Raster => OcclusionTestKind::Raster,
+        OcclusionTestArg::Hzb => OcclusionTestKind::Hzb,
+    };
+    if walk.few_pixels && !culling.counts_pixels(occlusion_test) {
+        let why = if culling == CullingMethod::Trimaran {
+            "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query".to_owned()
+        } else {
+            format!("--culling {culling} counts no pixels: leave --few-pixels out")
+        };
         return Err(Failure::bad_input(why));
     }
     cullers.check()?;
@@ -56,11 +61,7 @@ pub(super) fn plan(
         batch: BatchSize::new(walk.batch.into()).map_err(Failure::bad_input)?,
         coding: walk.coding.into(),
         culling,
-        occlusion_test: match walk.occlusion_test {
-            OcclusionTestArg::Query => OcclusionTestKind::Query,
-            OcclusionTestArg::Raster => OcclusionTestKind::Raster,
-            OcclusionTestArg::Hzb => OcclusionTestKind::Hzb,
-        },
+        occlusion_test,
         pace,
         schedule: cullers.schedule.into(),
         audit_every: walk.audit_every,

@@ -22,7 +22,10 @@ pub enum System {
     #[value(name = "distributed-gigawalk")]
     #[serde(rename = "distributed-gigawalk")]
     DistributedGigaWalk,
-    /// SWITCH (paper, section 4): of two cullers each draws what the other one finds, as it comes.
+    /// The paper's own system: SWITCH, and its culling by hardware queries (sections 4.1 to 4.5.1).
+    Paper,
+    /// The schedule SWITCH (paper, section 4.3) with Trimaran's culling: of two cullers each draws what the
+    /// other one finds, as it comes.
     Switch,
     /// One culler beside the display.
     #[value(name = "independent-1")]
@@ -64,9 +67,10 @@ pub struct UnknownSystem {
 
 impl System {
     /// Every system, those of the paper first.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::GigaWalk,
         Self::DistributedGigaWalk,
+        Self::Paper,
         Self::Switch,
         Self::Independent1,
         Self::Independent2,
@@ -83,6 +87,7 @@ impl System {
         match self {
             Self::GigaWalk => "gigawalk",
             Self::DistributedGigaWalk => "distributed-gigawalk",
+            Self::Paper => "paper",
             Self::Switch => "switch",
             Self::Independent1 => "independent-1",
             Self::Independent2 => "independent-2",
@@ -102,7 +107,8 @@ impl System {
                 "the paper's GigaWalk: occluders on one pipeline, culling on the CPU, shared memory"
             }
             Self::DistributedGigaWalk => "the same as an occlusion server and a display, joined by a network",
-            Self::Switch => "the paper's SWITCH: two cullers, each draws what the other one finds",
+            Self::Paper => "the paper's SWITCH and its culling: all that was visible last, hardware queries",
+            Self::Switch => "two cullers, each draws what the other one finds; Trimaran's culling",
             Self::Independent1 => "one culler beside the display",
             Self::Independent2 => "two cullers, each by what it found itself: the default of `run`",
             Self::Independent4 => "four cullers, likewise",
@@ -118,6 +124,7 @@ impl System {
     pub const fn culling(self) -> CullingMethod {
         match self {
             Self::GigaWalk | Self::DistributedGigaWalk => CullingMethod::GigaWalk,
+            Self::Paper => CullingMethod::Paper,
             Self::Frustum => CullingMethod::Frustum,
             Self::Exact => CullingMethod::Exact,
             Self::Rays => CullingMethod::Rays,
@@ -130,7 +137,7 @@ impl System {
     pub const fn cullers(self) -> u8 {
         match self {
             Self::Alone | Self::Frustum => 0,
-            Self::Switch | Self::Independent2 => 2,
+            Self::Paper | Self::Switch | Self::Independent2 => 2,
             Self::Independent4 => 4,
             _ => 1,
         }
@@ -140,7 +147,7 @@ impl System {
     #[must_use]
     pub const fn schedule(self) -> Schedule {
         match self {
-            Self::Switch => Schedule::Switch,
+            Self::Paper | Self::Switch => Schedule::Switch,
             _ => Schedule::Independent,
         }
     }

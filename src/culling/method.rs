@@ -4,6 +4,7 @@ use std::fmt;
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
+use trimaran_proto::OcclusionTestKind;
 
 /// How a culler finds what is visible. Each draws the same picture; `rays` may differ at edges of triangles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
@@ -14,6 +15,10 @@ pub enum CullingMethod {
     /// further rounds where much is new.
     #[default]
     Trimaran,
+    /// As the paper does (sections 4.1, 4.2 and 4.5.1): all that was visible last as occluders, and boxes
+    /// tested by hardware occlusion queries, once, level by level. Nothing is known at first and after a jump.
+    #[cfg(feature = "lab")]
+    Paper,
     /// As GigaWalk does (paper, section 5): all that was visible last as occluders, their depth read back, a
     /// pyramid of farthest depths on the CPU, and the rectangle around each box tested against at most 2 x 2
     /// of its texels.
@@ -39,12 +44,25 @@ impl CullingMethod {
         match self {
             Self::Trimaran => "trimaran",
             #[cfg(feature = "lab")]
+            Self::Paper => "paper",
+            #[cfg(feature = "lab")]
             Self::GigaWalk => "gigawalk",
             Self::Frustum => "frustum",
             #[cfg(feature = "lab")]
             Self::Rays => "rays",
             #[cfg(feature = "lab")]
             Self::Exact => "exact",
+        }
+    }
+
+    /// Whether it can stop at nodes that show at few pixels, with this occlusion test.
+    #[must_use]
+    pub fn counts_pixels(self, test: OcclusionTestKind) -> bool {
+        match self {
+            Self::Trimaran => test != OcclusionTestKind::Hzb,
+            #[cfg(feature = "lab")]
+            Self::Paper => true,
+            _ => false,
         }
     }
 }

@@ -14,8 +14,12 @@ mod work;
 
 use std::sync::Arc;
 
+#[cfg(feature = "lab")]
+use trimaran_actors::OccluderPolicy;
 use trimaran_actors::{RoleError, SceneCulling, Turns};
 use trimaran_gpu::{GpuError, GpuScene, VulkanCuller, VulkanCullerError};
+#[cfg(feature = "lab")]
+use trimaran_proto::OcclusionTestKind;
 use trimaran_proto::Settings;
 use trimaran_scene::Scene;
 
@@ -53,6 +57,13 @@ impl Culling {
                 let device = VulkanCuller::new(drawn, size, settings.occlusion_test);
                 let device = device.map_err(opening("opening it"))?;
                 return Ok(SceneCulling::new(scene, device, settings, turns).into());
+            }
+            #[cfg(feature = "lab")]
+            CullingMethod::Paper => {
+                let test = OcclusionTestKind::Query;
+                let device = VulkanCuller::new(drawn, size, test).map_err(opening("opening it"))?;
+                let policy = OccluderPolicy::PAPER;
+                return Ok(Self::from(SceneCulling::with(scene, device, settings, turns, policy)).by(test));
             }
             #[cfg(feature = "lab")]
             CullingMethod::GigaWalk => {

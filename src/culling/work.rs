@@ -1,11 +1,13 @@
 //! A culler's work by any method.
 
-use std::{sync::Arc, time::Duration};
+use std::{borrow::Cow, sync::Arc, time::Duration};
 
 use trimaran_actors::{CullerWork, RoleError, SceneCulling, Stop, Stopwatch, Turns, VisibleIds};
 use trimaran_cull::{CutRule, View, triangles};
 use trimaran_gpu::VulkanCuller;
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Settings, ViewState};
+use trimaran_proto::{
+    Camera, CullCounts, DrawableId, FrameNumber, FrameStats, OcclusionTestKind, Settings, ViewState,
+};
 use trimaran_scene::Scene;
 
 /// A culler's work by one of the [methods](super::CullingMethod).
@@ -13,6 +15,8 @@ pub struct Culling {
     work: Work,
     /// Ends waits for the device, instead of the session's own stop.
     cancel: Option<Stop>,
+    /// The occlusion test of every view state, instead of its own.
+    test: Option<OcclusionTestKind>,
 }
 
 /// All sessions but comparisons use the first one.
@@ -23,13 +27,13 @@ enum Work {
 
 impl From<SceneCulling<VulkanCuller>> for Culling {
     fn from(culling: SceneCulling<VulkanCuller>) -> Self {
-        Self { work: Work::Scene(Box::new(culling)), cancel: None }
+        Self { work: Work::Scene(Box::new(culling)), cancel: None, test: None }
     }
 }
 
 impl From<WholeFrames> for Culling {
     fn from(culling: WholeFrames) -> Self {
-        Self { work: Work::Whole(Box::new(culling)), cancel: None }
+        Self { work: Work::Whole(Box::new(culling)), cancel: None, test: None }
     }
 }
 
@@ -38,6 +42,12 @@ impl Culling {
     #[must_use]
     pub fn cancelled_by(self, stop: &Stop) -> Self {
         Self { cancel: Some(stop.clone()), ..self }
+    }
+
+    /// The same with this occlusion test under every view state.
+    #[cfg(feature = "lab")]
+    pub(super) fn by(self, test: OcclusionTestKind) -> Self {
+        Self { test: Some(test), ..self }
     }
 }
 
@@ -51,6 +61,11 @@ impl CullerWork for Culling {
     }
 
     fn change_view(&mut self, state: &ViewState) {
+        let mut state = Cow::Borrowed(state);
+        if let Some(test) = self.test {
+            state.to_mut().occlusion_test = test;
+        }
+        let state = &*state;
         match &mut self.work {
             Work::Scene(work) => work.change_view(state),
             Work::Whole(work) => work.change_view(state),

@@ -17,7 +17,7 @@ impl TriangleBudget {
     /// better culling.
     #[must_use]
     pub fn among(self, scene: &Scene, visible: &[DrawableId]) -> Self {
-        Self(self.0 + triangles(scene, visible) / 4)
+        Self(self.0.saturating_add(triangles(scene, visible) / 4))
     }
 }
 

@@ -37,7 +37,8 @@ pub struct SceneCulling<D> {
     pieces: Pieces,
     /// Whether the device is to be idle while the role waits for further ids.
     idle_while_waiting: bool,
-    /// Whether the occluders of this frame are chosen and drawn as they come.
+    /// Whether the occluders of this frame are chosen as they come. They are drawn then, too, unless the
+    /// device is to be idle.
     as_they_come: bool,
     /// The remaining triangle budget in that case.
     left: u64,
@@ -56,6 +57,17 @@ impl<D: CullerDevice> SceneCulling<D> {
     /// Culls `scene` with the display's `settings`, and measures by the clock of `turns`. A role in turn lets
     /// others compute while it waits, and its device must be idle then.
     pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings, turns: &Turns) -> Self {
+        Self::with(scene, device, settings, turns, OccluderPolicy::default())
+    }
+
+    /// The same with occluders chosen by `policy`.
+    pub fn with(
+        scene: &Arc<Scene>,
+        device: D,
+        settings: &Settings,
+        turns: &Turns,
+        policy: OccluderPolicy,
+    ) -> Self {
         Self {
             device,
             culler: Culler::new(Arc::clone(scene)),
@@ -64,7 +76,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             rule: CutRule::new(scene, &(*settings).into()),
             view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
             clock: turns.clock(),
-            policy: OccluderPolicy::default(),
+            policy,
             pieces: Pieces::default(),
             idle_while_waiting: turns.idle_devices(),
             as_they_come: false,
@@ -123,13 +135,13 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.received = 0;
         self.due.clear();
         self.mapped.clear();
-        self.as_they_come = as_they_come && !self.idle_while_waiting;
+        self.as_they_come = as_they_come;
         self.left = self.policy.budget.0;
         self.host = self.clock.elapsed().saturating_sub(start);
         Ok(())
     }
 
-    /// Maps ids onto this frame's LOD cut. If they come bit by bit, draws the best occluders of each part,
+    /// Maps ids onto this frame's LOD cut. If they come bit by bit, takes the best occluders of each part,
     /// within half of the remaining budget: the first ids are of large or distant nodes, and more may come.
     fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
@@ -144,7 +156,9 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             select_occluders(scene, &self.view, &mut chosen, TriangleBudget(self.left / 2));
             self.left -= triangles(scene, &chosen).min(self.left);
             self.due.extend(chosen);
-            self.draw(known)?;
+            if !self.idle_while_waiting {
+                self.draw(known)?;
+            }
         } else {
             self.mapped = map(&mut self.device, mapper, (&self.view, &self.rule), ids)?;
             self.due.extend_from_slice(&self.mapped);
@@ -156,7 +170,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     /// Chooses among the ids, and replaces those that a jump has made useless.
     async fn complete_occluders(&mut self, _: Camera) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
-        let drawn = if self.as_they_come { self.due.len() } else { 0 };
+        let drawn = if self.as_they_come && !self.idle_while_waiting { self.due.len() } else { 0 };
         let scene = Arc::clone(self.culler.scene());
         if !self.as_they_come || self.due.is_empty() {
             self.policy.choose(&scene, &self.view, &self.rule, self.received, &mut self.due);
@@ -174,7 +188,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let waited = or_end.saturating_sub(start);
         // Occluders drawn as they come may have been drawn before this. Otherwise they were drawn while the
         // host still worked on them, and that time is counted already.
-        if self.as_they_come {
+        if self.as_they_come && !self.idle_while_waiting {
             self.take_times()?;
         }
         let finishing = nanoseconds(waited).max(self.stats.device.drawing_ns);

@@ -20,6 +20,8 @@ pub struct OccluderPolicy {
     pub budget: TriangleBudget,
     /// The most rounds: see [`Rounds`](trimaran_cull::Rounds).
     pub rounds: u32,
+    /// Whether large nodes of the LOD cut replace a set that says little of this frame.
+    pub replaces: bool,
 }
 
 /// The most nodes refined per level of the tree when occluders are chosen among the LOD cut. Small nodes hide
@@ -28,7 +30,7 @@ const WIDEST: usize = 2048;
 
 impl Default for OccluderPolicy {
     fn default() -> Self {
-        Self { budget: TriangleBudget(30_000), rounds: 4 }
+        Self { budget: TriangleBudget(30_000), rounds: 4, replaces: true }
     }
 }
 
@@ -46,6 +48,9 @@ pub struct CulledFrame {
 }
 
 impl OccluderPolicy {
+    /// The paper's (section 4.2): all that was visible in the last frame, in one round.
+    pub const PAPER: Self = Self { budget: TriangleBudget(u64::MAX), rounds: 1, replaces: false };
+
     /// Culls a frame with `view` on `device`, given the set `last` of the previous frame, like a session. The
     /// order of `last` does not matter.
     ///
@@ -85,7 +90,7 @@ impl OccluderPolicy {
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
-        if due.len() * 2 <= received {
+        if self.replaces && due.len() * 2 <= received {
             *due = LodCut::new(scene, view, rule).large_drawables(WIDEST);
             rule.retain_solid(scene, due);
             select_occluders(scene, view, due, self.budget);

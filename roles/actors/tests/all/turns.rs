@@ -1,6 +1,7 @@
 //! Roles of one process that compute in turn: no role's reported time contains another role's work.
 
 use std::{
+    collections::BTreeMap,
     convert::Infallible,
     sync::{
         Arc,
@@ -10,11 +11,13 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stopwatch, Turns,
+    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, Schedule, ShownFrame, Stopwatch, Turns,
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{BatchSize, DeviceTimes, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
+
+use crate::supply::{Cpu, PLANT, Screen, TestPath, settings};
 
 const FRAMES: u32 = 30;
 const SIZE: u32 = 8;
@@ -186,6 +189,44 @@ fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
     let (at_once, _) = session(&scene, 1024, &Turns::at_once());
     let (alone, _) = session(&scene, 1024, &Turns::alone());
     assert_eq!(alone.ids, at_once.ids);
+}
+
+/// Of a culler's frames: the occluders drawn, and the nodes hidden.
+#[derive(Default)]
+struct Culled {
+    shown: Vec<Vec<DrawableId>>,
+    stats: BTreeMap<u32, [u32; 2]>,
+}
+
+impl Observer for Culled {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.shown.push(frame.ids.to_vec());
+        Ok(())
+    }
+
+    fn culled(&mut self, stats: &FrameStats) {
+        self.stats.insert(stats.frame.0, [stats.occluders, stats.culling.hidden]);
+    }
+}
+
+/// Each draws what the other one finds, batch by batch, also where it is drawn only when all has come.
+#[test]
+fn with_the_schedule_switch_a_session_shows_the_same_too() {
+    let walk = |turns: Turns| {
+        let settings = Settings { batch: BatchSize::new(16).unwrap(), ..settings() };
+        let schedule = Schedule::Switch;
+        let session = LocalSession { turns, schedule, ..LocalSession::new(&PLANT, settings, FRAMES) };
+        let screen = Screen { scene: Arc::clone(&PLANT), pictures: Arc::default() };
+        let mut culled = Culled::default();
+        let mut path = TestPath::new(1, FRAMES as usize);
+        crate::common::play(session, |_| Cpu::new(&PLANT, None), screen, &mut path, &mut culled);
+        culled
+    };
+    let (at_once, alone) = (walk(Turns::at_once()), walk(Turns::alone()));
+    assert_eq!(alone.stats, at_once.stats);
+    assert_eq!(alone.shown, at_once.shown);
+    assert!(alone.stats.values().map(|[occluders, _]| occluders).sum::<u32>() > 100);
+    assert!(alone.stats.values().map(|[_, hidden]| hidden).sum::<u32>() > 100);
 }
 
 /// One id per message: far more than a link within a process holds, so the culler waits for the receiver.

@@ -27,8 +27,8 @@ pub(super) struct OtherFrames {
 #[derive(Debug)]
 struct Frame {
     number: FrameNumber,
-    /// Its ids that were not asked for yet.
-    ids: Vec<DrawableId>,
+    /// Its batches of ids that were not asked for yet.
+    batches: VecDeque<Vec<DrawableId>>,
     is_whole: bool,
 }
 
@@ -56,9 +56,11 @@ impl OtherFrames {
                     self.frames.pop_front();
                 }
                 let number = start.header.frame();
-                self.frames.push_back(Frame { number, ids: Vec::new(), is_whole: false });
+                self.frames.push_back(Frame { number, batches: VecDeque::new(), is_whole: false });
             }
-            (FrameEvent::Batch(batch), Some(frame)) => frame.ids.extend(self.ids.take(&batch)?),
+            (FrameEvent::Batch(batch), Some(frame)) => {
+                frame.batches.push_back(self.ids.take(&batch)?.to_vec());
+            }
             (FrameEvent::End(_), Some(frame)) => {
                 self.ids.finish();
                 frame.is_whole = true;
@@ -76,11 +78,12 @@ impl OtherFrames {
         self.frames.front().map(|frame| frame.number).filter(|frame| frame.0 >= number)
     }
 
-    /// New ids of the first frame since the last call: an empty list at its end, none if more are to come.
+    /// The next batch of the first frame: an empty list at its end, none if more are to come. Batches stay as
+    /// they were sent, whenever they arrived: what is chosen from each does not depend on the time.
     pub(super) fn next(&mut self) -> Option<Vec<DrawableId>> {
         let frame = self.frames.front_mut()?;
-        if !frame.ids.is_empty() {
-            return Some(std::mem::take(&mut frame.ids));
+        if let Some(batch) = frame.batches.pop_front() {
+            return Some(batch);
         }
         if frame.is_whole {
             self.frames.pop_front();
@@ -124,11 +127,12 @@ mod tests {
     fn ids_come_as_they_came_and_once() {
         let mut frames = OtherFrames::of(DRAWABLES);
         assert_eq!(frames.first_from(3), None);
-        for event in [begin(2), batch([9]), end(2), begin(3), batch([4, 2])] {
+        for event in [begin(2), batch([9]), end(2), begin(3), batch([4, 2]), batch([5])] {
             frames.take(event).unwrap();
         }
         assert_eq!(frames.first_from(3), Some(FrameNumber(3)), "2 is over");
         assert_eq!(numbers(frames.next()), Some(vec![4, 2]));
+        assert_eq!(numbers(frames.next()), Some(vec![5]), "a batch at a time");
         assert_eq!(numbers(frames.next()), None, "more is to come");
         frames.take(batch([7])).unwrap();
         frames.take(end(3)).unwrap();
@@ -171,7 +175,8 @@ mod tests {
                 };
                 let _refused = frames.take(event);
                 prop_assert!(frames.frames.len() <= KEPT);
-                prop_assert!(frames.frames.iter().all(|frame| frame.ids.len() <= DRAWABLES as usize));
+                let held = |frame: &Frame| frame.batches.iter().map(Vec::len).sum::<usize>();
+                prop_assert!(frames.frames.iter().all(|frame| held(frame) <= DRAWABLES as usize));
             }
         }
     }
