@@ -17,7 +17,7 @@ use trimaran::{
         Report,
         schema::{Stat, timestamp},
     },
-    walkthrough::{CameraPath, Plan, Walk},
+    walkthrough::{CameraPath, Plan, scene_info},
 };
 
 use trimaran_proto::LodRule;
@@ -33,6 +33,7 @@ use super::{
 };
 
 pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
+    let args = &args.quickened();
     check(args)?;
     std::fs::create_dir_all(&args.out)
         .map_err(|cause| Failure::bad_input(format!("cannot write to {}: {cause}", args.out.display())))?;
@@ -76,15 +77,14 @@ fn check(args: &CompareArgs) -> Result<(), Failure> {
 
 /// The parts of a comparison beside its figures.
 fn about(comparing: &Comparing<'_>) -> Comparison {
-    let Comparing { args, drawn, .. } = comparing;
+    let Comparing { args, drawn, paths, .. } = comparing;
     let info = drawn.gpu().info();
-    let way = Walk { file: &comparing.file, drawn, plan: &comparing.first_plan, path: &comparing.path };
     Comparison {
         schema_version: COMPARISON_VERSION,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command_line: std::env::args().collect(),
         started: timestamp(walking::date()),
-        scene: way.run().scene,
+        scene: scene_info(&comparing.file),
         device: info.name.clone(),
         driver: info.driver.clone(),
         cores: std::thread::available_parallelism().map_or(1, |cores| cores.get() as u32),
@@ -92,9 +92,9 @@ fn about(comparing: &Comparing<'_>) -> Comparison {
         height: args.walk.size.height,
         path: args.walk.path.clone(),
         seed: (args.walk.path == "auto").then_some(args.walk.seed),
-        frames: comparing.path.frames(),
+        paths: args.paths,
+        frames: paths.first().map_or(0, |path| path.cameras.frames()),
         link: comparing.link_name(),
-        rounds: args.rounds,
         ..Comparison::default()
     }
 }
@@ -105,6 +105,7 @@ impl Comparing<'_> {
         let mut bounds = self.args.epsilon.clone();
         bounds.extend(self.args.curve.iter().filter(|px| !self.args.epsilon.contains(px)));
         let mut references = References::find(self, &bounds)?;
+        found.popping = references.popping();
         for &epsilon in &self.args.epsilon {
             let (table, points) = self.table(epsilon, &mut references)?;
             found.tables.push(table);
@@ -114,9 +115,11 @@ impl Comparing<'_> {
             }
         }
         for &epsilon in self.args.curve.iter().filter(|px| !self.args.epsilon.contains(px)) {
-            for system in self.by_work() {
-                let report = self.audited(system, epsilon, &mut references)?;
-                found.curve.extend(self.all_of(system).map(|system| point(system, &report)));
+            for (index, path) in (0..).zip(&self.paths) {
+                for system in self.by_work() {
+                    let report = self.audited(system, epsilon, index, path, &mut references)?;
+                    found.curve.extend(self.all_of(system).map(|system| point(system, index, &report)));
+                }
             }
         }
         let Some(&epsilon) = self.args.epsilon.first() else { return Ok(()) };
@@ -126,7 +129,7 @@ impl Comparing<'_> {
         self.lag(epsilon, &mut references, &mut found.lag)
     }
 
-    /// All systems at one error bound, in rounds, so that other load on the machine affects them equally.
+    /// All systems at one error bound, path by path, so that other load on the machine affects them equally.
     fn table(
         &self,
         epsilon: f64,
@@ -136,16 +139,12 @@ impl Comparing<'_> {
             self.by_work().map(|system| (system, Vec::new())).collect();
         let mut measured: Vec<(System, Vec<Report>)> =
             self.args.systems.iter().map(|system| (*system, Vec::new())).collect();
-        for round in 0..self.args.rounds {
+        for (index, path) in (0..).zip(&self.paths) {
             for (system, reports) in &mut alone {
-                // The frames are the same in each round.
-                reports.push(match round {
-                    0 => self.audited(*system, epsilon, references)?,
-                    _ => self.walk(*system, epsilon, Mode::Alone)?,
-                });
+                reports.push(self.audited(*system, epsilon, index, path, references)?);
             }
             for (system, reports) in &mut measured {
-                reports.push(self.walk(*system, epsilon, Mode::Measured)?);
+                reports.push(self.walk(*system, epsilon, Mode::Measured, path)?);
             }
         }
         let figures = |(system, measured): &(System, Vec<Report>)| {
@@ -153,17 +152,19 @@ impl Comparing<'_> {
             Some(figures(*system, alone, measured))
         };
         let systems: Vec<_> = measured.iter().filter_map(figures).collect();
-        let points = alone.iter().filter_map(|(system, reports)| Some((*system, reports.first()?)));
-        let points =
-            points.flat_map(|(system, report)| self.all_of(system).map(move |system| point(system, report)));
-        let table = ComparisonTable { epsilon_px: epsilon, exact: exact(references, epsilon), systems };
-        Ok((table, points.collect()))
+        let points = alone.iter().flat_map(|(of, reports)| {
+            let points = (0..).zip(reports);
+            points.flat_map(|(path, report)| self.all_of(*of).map(move |system| point(system, path, report)))
+        });
+        let points = points.collect();
+        Ok((ComparisonTable { epsilon_px: epsilon, exact: exact(references, epsilon), systems }, points))
     }
 
     /// The same at other speeds along the path.
     fn coherence(&self, epsilon: f64, found: &mut Vec<CoherencePoint>) -> Result<(), Failure> {
+        let Some(first) = self.paths.first() else { return Ok(()) };
         for coherence in Coherence::ALL {
-            let poses = coherence.path(&self.poses).map_err(Failure::broken)?;
+            let poses = coherence.path(&first.poses).map_err(Failure::broken)?;
             let mut walked = Vec::new();
             for system in self.by_work() {
                 let path = self.path_of(system, epsilon, &poses)?;
@@ -196,17 +197,11 @@ fn lod(epsilon: f64) -> Result<LodRule, Failure> {
 
 /// A row of a table.
 fn figures(system: System, alone: &[Report], measured: &[Report]) -> SystemFigures {
-    let median = |key: &str| {
-        let medians = alone.iter().filter_map(|report| Some(report.summary.metrics.get(key)?.median));
-        Stat::of(medians).map(|stat| stat.median)
+    let median = |reports: &[Report], key: &str| -> Vec<f64> {
+        reports.iter().filter_map(|report| Some(report.summary.metrics.get(key)?.median)).collect()
     };
     let models = || alone.iter().filter_map(|report| report.summary.model);
-    let first = alone.first();
-    let bytes = measured.first().map_or(0.0, |report| {
-        let bytes: u64 = report.frames.iter().filter_map(|frame| frame.bytes).sum();
-        bytes as f64 / report.frames.len().max(1) as f64
-    });
-    let frames = first.map_or_else(Vec::new, |report| {
+    let frames = alone.first().map_or_else(Vec::new, |report| {
         let intervals = report.modelled_intervals_ms();
         let frame = |(frame, modelled_ms): (&trimaran::report::Frame, Option<f64>)| SystemFrame {
             frame: frame.frame,
@@ -219,9 +214,9 @@ fn figures(system: System, alone: &[Report], measured: &[Report]) -> SystemFigur
     SystemFigures {
         system,
         alone: AloneFigures {
-            or_ms: median("or_ms"),
-            hc_ms: median("hc_ms"),
-            rvg_ms: median("rvg_ms"),
+            or_ms: median(alone, "or_ms"),
+            hc_ms: median(alone, "hc_ms"),
+            rvg_ms: median(alone, "rvg_ms"),
             model_fps: models().map(|model| model.fps).collect(),
             model_fps_at_least: models().map(|model| model.fps_at_least).collect(),
             model_latency_ms: models().map(|model| model.latency_ms).collect(),
@@ -229,21 +224,29 @@ fn figures(system: System, alone: &[Report], measured: &[Report]) -> SystemFigur
         measured: MeasuredFigures {
             processes: system.processes(),
             fps: measured.iter().filter_map(|report| report.summary.measured_fps).collect(),
-            latency_ms: measured
-                .iter()
-                .filter_map(|report| Some(report.summary.metrics.get("latency_ms")?.median))
-                .collect(),
+            latency_ms: median(measured, "latency_ms"),
         },
-        drawn: DrawnFigures { bytes, ..first.map(DrawnFigures::of).unwrap_or_default() },
+        drawn: alone
+            .iter()
+            .zip(measured)
+            .map(|(alone, measured)| DrawnFigures { bytes: bytes(measured), ..DrawnFigures::of(alone) })
+            .collect(),
         frames,
     }
 }
 
-fn point(system: System, report: &Report) -> CurvePoint {
+/// Bytes sent a frame, mean.
+fn bytes(report: &Report) -> f64 {
+    let bytes: u64 = report.frames.iter().filter_map(|frame| frame.bytes).sum();
+    bytes as f64 / report.frames.len().max(1) as f64
+}
+
+fn point(system: System, path: u32, report: &Report) -> CurvePoint {
     let metrics = &report.summary.metrics;
     CurvePoint {
         system,
         epsilon_px: report.run.epsilon_px,
+        path,
         cost: FrameCost::of(report),
         flip_mean: metrics.get("flip_mean").map(|stat| stat.median),
         silhouette_max_px: metrics.get("silhouette_max_px").map(|stat| stat.max),
@@ -253,7 +256,8 @@ fn point(system: System, report: &Report) -> CurvePoint {
 }
 
 fn exact(references: &References, epsilon: f64) -> Vec<ExactFrame> {
-    let frame = |(frame, reference): (u32, &trimaran::walkthrough::Reference)| ExactFrame {
+    let frame = |((path, frame), reference): ((u32, u32), &trimaran::walkthrough::Reference)| ExactFrame {
+        path,
         frame,
         nodes: reference.exact.len() as u64,
         objects: reference.objects,

@@ -3,9 +3,10 @@
 use maud::Render;
 
 use super::{
+    interval::Interval,
     schema::{
-        CoherencePoint, Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, SystemFigures,
-        SystemFrame,
+        CoherencePoint, Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, Popping,
+        SystemFigures, SystemFrame,
     },
     system::System,
 };
@@ -36,10 +37,8 @@ impl Figure {
 /// All figures of a comparison that are not empty.
 pub(super) fn figures(comparison: &Comparison) -> Vec<Figure> {
     let over_frames = comparison.tables.iter().flat_map(over_frames);
-    let others = curves(&comparison.curve)
-        .into_iter()
-        .chain(coherence(&comparison.coherence))
-        .chain(lag(&comparison.lag));
+    let others =
+        curves(comparison).into_iter().chain(coherence(&comparison.coherence)).chain(lag(&comparison.lag));
     over_frames.chain(others).filter(|figure| !figure.chart.is_empty()).collect()
 }
 
@@ -49,7 +48,8 @@ fn figure(caption: &'static str, name: &str, title: &str, chart: Chart) -> Figur
 
 /// The colour of a system, the same in every figure.
 fn class(system: System) -> &'static str {
-    const CLASSES: [&str; 10] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"];
+    const CLASSES: [&str; System::ALL.len()] =
+        ["s0", "s1", "s10", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"];
     let place = System::ALL.iter().position(|other| *other == system);
     place.and_then(|place| CLASSES.get(place)).copied().unwrap_or("exact")
 }
@@ -78,6 +78,7 @@ fn over_frames(table: &ComparisonTable) -> Vec<Figure> {
         points: table
             .exact
             .iter()
+            .filter(|frame| frame.path == 0)
             .filter_map(|frame| Some((f64::from(frame.frame), of(frame)? as f64)))
             .collect(),
     };
@@ -92,19 +93,20 @@ fn over_frames(table: &ComparisonTable) -> Vec<Figure> {
         Figure {
             name: format!("path-rate-{epsilon}"),
             title: format!("Frame rate along the path, {epsilon} px"),
-            caption: "The paper's figure 4. A machine for each role: a model of the times that roles took alone.",
+            caption: "The paper's figure 4, first path. A machine for each role: a model of the times that roles took \
+                      alone.",
             chart: rate,
         },
         Figure {
             name: format!("path-triangles-{epsilon}"),
             title: format!("Triangles drawn along the path, {epsilon} px"),
-            caption: "The paper's figure 5(a). Exactly visible: owns a pixel of the item buffer.",
+            caption: "The paper's figure 5(a), first path. Exactly visible: owns a pixel of the item buffer.",
             chart: chart("triangles", triangles),
         },
         Figure {
             name: format!("path-objects-{epsilon}"),
             title: format!("Objects drawn along the path, {epsilon} px"),
-            caption: "The paper's figure 5(b).",
+            caption: "The paper's figure 5(b), first path.",
             chart: chart("objects", objects),
         },
     ]
@@ -124,7 +126,7 @@ fn by_system<P>(
     System::ALL.into_iter().map(line).filter(|series| !series.points.is_empty()).collect()
 }
 
-/// The x quantity of a curve's points.
+/// A quantity of a curve's points.
 #[derive(Clone, Copy)]
 struct Quantity {
     /// In the name of a file.
@@ -133,7 +135,7 @@ struct Quantity {
     title: &'static str,
     /// On an axis.
     axis: &'static str,
-    of: fn(&CurvePoint) -> Option<f64>,
+    of: fn(&CurvePoint, &[Popping]) -> Option<f64>,
 }
 
 const COSTS: [Quantity; 2] = [
@@ -141,41 +143,67 @@ const COSTS: [Quantity; 2] = [
         name: "ms",
         title: "Time a frame",
         axis: "ms a frame, modelled",
-        of: |point| point.cost.modelled_ms,
+        of: |point, _| point.cost.modelled_ms,
     },
     Quantity {
         name: "triangles",
         title: "Triangles",
         axis: "triangles drawn",
-        of: |point| point.cost.triangles,
+        of: |point, _| point.cost.triangles,
     },
 ];
-const ERRORS: [Quantity; 2] = [
-    Quantity { name: "flip", title: "FLIP", axis: "FLIP against full detail", of: |point| point.flip_mean },
+const ERRORS: [Quantity; 3] = [
+    Quantity {
+        name: "flip",
+        title: "FLIP",
+        axis: "FLIP against full detail",
+        of: |point, _| point.flip_mean,
+    },
     Quantity {
         name: "deviation",
         title: "the largest deviation",
         axis: "largest deviation, px",
-        of: |point| Some(point.silhouette_max_px?.max(point.surface_max_px?)),
+        of: |point, _| Some(point.silhouette_max_px?.max(point.surface_max_px?)),
+    },
+    Quantity {
+        name: "popping",
+        title: "popping",
+        axis: "pixels that change by levels alone, %",
+        of: |point, popping| {
+            let same = |of: &&Popping| (of.epsilon_px, of.path) == (point.epsilon_px, point.path);
+            popping.iter().find(same).map(|of| 100.0 * of.changed)
+        },
     },
 ];
 
-/// Speed against error, one line per system.
-fn curves(points: &[CurvePoint]) -> Vec<Figure> {
-    let figure = |(cost, error): (Quantity, Quantity)| Figure {
-        name: format!("{}-{}", cost.name, error.name),
-        title: format!("{} against {}", cost.title, error.title),
-        caption: "One point an error bound. Fewer errors lie to the left, less cost below.",
-        chart: Chart {
-            x: error.axis,
-            y: cost.axis,
-            series: by_system(
-                points,
-                |point| point.system,
-                |point| Some(((error.of)(point)?, (cost.of)(point)?)),
-            ),
-            ..Chart::default()
-        },
+/// Speed against error, one line per system, one point an error bound: the mean of the paths.
+fn curves(comparison: &Comparison) -> Vec<Figure> {
+    let figure = |(cost, error): (Quantity, Quantity)| {
+        let of = |points: &[&CurvePoint], quantity: Quantity| {
+            let figures = points.iter().filter_map(|point| (quantity.of)(point, &comparison.popping));
+            Some(Interval::of(figures)?.mean)
+        };
+        let line = |system: System| {
+            let mut bounds: Vec<f64> = comparison.curve.iter().map(|point| point.epsilon_px).collect();
+            bounds.sort_by(f64::total_cmp);
+            bounds.dedup();
+            let point = |epsilon: f64| {
+                let here = |point: &&CurvePoint| (point.system, point.epsilon_px) == (system, epsilon);
+                let points: Vec<_> = comparison.curve.iter().filter(here).collect();
+                Some((of(&points, error)?, of(&points, cost)?))
+            };
+            let points = bounds.into_iter().filter_map(point).collect();
+            Series { name: system.to_string(), class: class(system), mark: Mark::Line, points }
+        };
+        let lines = System::ALL.into_iter().map(line).filter(|series| !series.points.is_empty());
+        let series = lines.collect();
+        Figure {
+            name: format!("{}-{}", cost.name, error.name),
+            title: format!("{} against {}", cost.title, error.title),
+            caption: "One point an error bound: means of the paths. Fewer errors lie to the left, less cost \
+                      below.",
+            chart: Chart { x: error.axis, y: cost.axis, series, ..Chart::default() },
+        }
     };
     COSTS.into_iter().flat_map(|cost| ERRORS.map(|error| (cost, error))).map(figure).collect()
 }

@@ -1,7 +1,8 @@
 //! Systems compared with each other: Trimaran with any number of cullers, those of the paper, and one without
-//! occlusion culling. They walk through one scene on one path at one error bound.
+//! occlusion culling. They walk through one scene on the same paths at one error bound.
 
 mod figures;
+mod interval;
 mod page;
 mod paths;
 #[cfg(test)]

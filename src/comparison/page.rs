@@ -5,9 +5,10 @@ use trimaran_cull::Image;
 
 use super::{
     figures::Figure,
-    schema::{Comparison, ComparisonTable, SystemFigures},
+    interval::Interval,
+    schema::{Comparison, ComparisonTable, DrawnFigures, SystemFigures},
     system::System,
-    tables::{Table, ratio},
+    tables::{Table, ratio, walks},
 };
 use crate::report::{
     format::{figure, grouped, plural},
@@ -19,6 +20,8 @@ use crate::report::{
 pub struct ComparedPicture {
     /// The error bound, pixels.
     pub epsilon_px: f64,
+    /// The path, counted from 0.
+    pub path: u32,
     /// The frame.
     pub frame: u32,
     /// Why it was chosen.
@@ -71,8 +74,8 @@ pub(super) fn page(
                 "error", "Speed against error",
                 "All systems choose levels by one rule, so at one error bound their pictures are the same, and \
                  only the cost differs.",
-                &["ms-flip", "ms-deviation", "triangles-flip", "triangles-deviation"],
-                &["curve"],
+                &["ms-flip", "ms-deviation", "ms-popping", "triangles-flip", "triangles-deviation", "triangles-popping"],
+                &["curve", "popping"],
             ))
             (section(
                 "coherence", "Speed against coherence",
@@ -101,7 +104,7 @@ fn whole(rows: &Table) -> Markup {
 
 /// The pictures of all systems.
 fn pictures(comparison: &Comparison, shown: &[ComparedPicture]) -> Markup {
-    let wrong: u64 = systems_of(comparison).map(|figures| figures.drawn.wrong_pixels).sum();
+    let wrong: u64 = systems_of(comparison).map(SystemFigures::wrong_pixels).sum();
     html! {
         @if !shown.is_empty() {
             h2 #pictures { "The same pictures" }
@@ -112,7 +115,7 @@ fn pictures(comparison: &Comparison, shown: &[ComparedPicture]) -> Markup {
             @for picture in shown {
                 section.comparison {
                     h3 {
-                        "Frame " (picture.frame) " at " (figure(picture.epsilon_px)) " px: the "
+                        "Path " (picture.path + 1) ", frame " (picture.frame) ", at " (figure(picture.epsilon_px)) " px: the "
                         (picture.which) " error against full detail"
                     }
                     div.panes {
@@ -140,10 +143,10 @@ fn header(comparison: &Comparison) -> Markup {
             h1 { "Systems compared on " (walk::file_name(&comparison.scene.file)) }
             p.setting {
                 (grouped(comparison.scene.triangles as f64)) " triangles in "
-                (grouped(comparison.scene.objects as f64)) " objects; " (comparison.frames) " frames of "
-                (comparison.width) " × " (comparison.height) " pixels; " (comparison.device) ", "
-                (comparison.cores) " cores for all roles. One scene, one level rule, one path, one run: only the \
-                culling and who does it differ."
+                (grouped(comparison.scene.objects as f64)) " objects; " (walks(comparison)) " of "
+                (comparison.frames) " frames of " (comparison.width) " × " (comparison.height) " pixels; "
+                (comparison.device) ", " (comparison.cores) " cores for all roles. One scene, one level rule, \
+                the same paths, one run: only the culling and the roles that do it differ."
             }
             pre style="white-space: pre-wrap" { (comparison.command_line.join(" ")) }
             @for note in &comparison.notes { p.note { (note) } }
@@ -165,14 +168,17 @@ fn verdict(table: &ComparisonTable) -> Markup {
     };
     let others = [System::DistributedGigaWalk, System::GigaWalk, System::Frustum].map(named);
     let others: Vec<String> = others.into_iter().filter_map(over).collect();
-    let wrong: u64 = table.systems.iter().map(|figures| figures.drawn.wrong_pixels).sum();
-    let audited: u32 = table.systems.iter().map(|figures| figures.drawn.audited_frames).sum();
-    let drawn = &ours.drawn;
+    let wrong: u64 = table.systems.iter().map(SystemFigures::wrong_pixels).sum();
+    let audited: u32 = table.systems.iter().map(SystemFigures::audited_frames).sum();
+    let over_exact =
+        |of: fn(&DrawnFigures) -> Option<f64>| Some(Interval::of(ours.drawn.iter().filter_map(of))?.mean);
+    let objects = over_exact(|drawn| drawn.objects_over_exact);
+    let triangles = over_exact(|drawn| drawn.triangles_over_exact);
     html! {
         p.verdict.(if wrong == 0 && audited > 0 { "good" } else { "unknown" }) {
             "At " (figure(table.epsilon_px)) " px, modelled: " (ours.system) " shows " (others.join(", ")) " ("
             (bounds(ours)) "). "
-            @if let (Some(objects), Some(triangles)) = (drawn.objects_over_exact, drawn.triangles_over_exact) {
+            @if let (Some(objects), Some(triangles)) = (objects, triangles) {
                 "It draws " (figure(objects)) " objects and " (figure(triangles))
                 " triangles for each exactly visible one. "
             }
@@ -187,10 +193,10 @@ fn verdict(table: &ComparisonTable) -> Markup {
 
 /// The systems whose pictures have wrong pixels.
 fn checked(table: &ComparisonTable, frames: u32) -> String {
-    let wrong = table.systems.iter().filter(|figures| figures.drawn.wrong_pixels > 0);
+    let wrong = table.systems.iter().filter(|figures| figures.wrong_pixels() > 0);
     let wrong: Vec<_> = wrong
         .map(|figures| {
-            let pixels = plural(figures.drawn.wrong_pixels, "wrong pixel", "wrong pixels");
+            let pixels = plural(figures.wrong_pixels(), "wrong pixel", "wrong pixels");
             format!("{} has {pixels}", figures.system)
         })
         .collect();
@@ -202,7 +208,9 @@ fn checked(table: &ComparisonTable, frames: u32) -> String {
 /// The bottleneck of a system.
 fn bounds(figures: &SystemFigures) -> String {
     let alone = &figures.alone;
-    let (Some(or), Some(hc), Some(rvg)) = (alone.or_ms, alone.hc_ms, alone.rvg_ms) else {
+    let mean = |figures: &[f64]| Some(Interval::of(figures.iter().copied())?.mean);
+    let (Some(or), Some(hc), Some(rvg)) = (mean(&alone.or_ms), mean(&alone.hc_ms), mean(&alone.rvg_ms))
+    else {
         return "times not known".to_owned();
     };
     let cullers = f64::from(figures.system.cullers().max(1));
@@ -270,7 +278,7 @@ mod tests {
     fn pictures_that_nobody_checked_are_not_called_right() {
         let mut comparison = sample::comparison();
         for figures in &mut comparison.tables[0].systems {
-            figures.drawn.audited_frames = 0;
+            figures.drawn.iter_mut().for_each(|drawn| drawn.audited_frames = 0);
         }
         let html = of(&comparison);
         assert!(html.contains("No picture was checked") && !html.contains("verdict good"));

@@ -1,8 +1,7 @@
-//! `compare.json`: systems held against each other on one scene, one path and one machine.
+//! `compare.json`: systems held against each other on one scene, the same paths and one machine.
 //!
 //! Times of roles taken alone, with the model made of them, and what was measured as processes stand in keys
-//! of their own (`alone` and `measured`). Where walks were repeated, each round's figure is kept: a ratio is
-//! one of the same round.
+//! of their own (`alone` and `measured`). Each path's figure is kept: a ratio is one of the same path.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +9,7 @@ use super::{Coherence, System};
 use crate::report::schema::{Frame, Report, SceneInfo};
 
 /// The version of the schema that this program writes.
-pub const COMPARISON_VERSION: u32 = 1;
+pub const COMPARISON_VERSION: u32 = 2;
 
 /// Systems held against each other.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -37,18 +36,20 @@ pub struct Comparison {
     pub height: u32,
     /// Where the cameras came from: `auto`, or the path file.
     pub path: String,
-    /// The seed of an `auto` path.
+    /// The seed of the first `auto` path. Each further one has the next seed.
     pub seed: Option<u64>,
+    /// How many paths were walked. One from a file is walked as often.
+    pub paths: u32,
     /// Frames of each walk.
     pub frames: u32,
     /// How processes were joined.
     pub link: String,
-    /// How often each walk of a table was walked.
-    pub rounds: u32,
     /// A table for each error bound.
     pub tables: Vec<ComparisonTable>,
     /// Speed against error.
     pub curve: Vec<CurvePoint>,
+    /// How much pictures change because levels do: the same for every system.
+    pub popping: Vec<Popping>,
     /// Speed against coherence.
     pub coherence: Vec<CoherencePoint>,
     /// Speed against the age of the camera, walked by the clock.
@@ -71,6 +72,8 @@ pub struct ComparisonTable {
 /// The exactly visible part of a frame's LOD cut.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ExactFrame {
+    /// The path, counted from 0.
+    pub path: u32,
     /// The frame.
     pub frame: u32,
     /// Nodes that own a pixel.
@@ -90,37 +93,37 @@ pub struct SystemFigures {
     pub alone: AloneFigures,
     /// The walk as processes of this machine.
     pub measured: MeasuredFigures,
-    /// The set that it drew, and its error.
-    pub drawn: DrawnFigures,
-    /// Its frames.
+    /// The sets that it drew, and their errors: one record a path.
+    pub drawn: Vec<DrawnFigures>,
+    /// Its frames on the first path.
     pub frames: Vec<SystemFrame>,
 }
 
-/// Times of roles that computed one after another. No busy time holds another role's work.
+/// Times of roles that computed one after another, one figure a path. No busy time holds another role's work.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct AloneFigures {
-    /// OR busy, median over the frames, median over the rounds, milliseconds.
-    pub or_ms: Option<f64>,
+    /// OR busy, median over the frames, milliseconds.
+    pub or_ms: Vec<f64>,
     /// HC busy, likewise.
-    pub hc_ms: Option<f64>,
+    pub hc_ms: Vec<f64>,
     /// RVG busy, likewise.
-    pub rvg_ms: Option<f64>,
-    /// Frames a second that a machine for each role would show: a model. One figure a round.
+    pub rvg_ms: Vec<f64>,
+    /// Frames a second that a machine for each role would show: a model.
     pub model_fps: Vec<f64>,
     /// The same if all time that is in no role's busy time came on top.
     pub model_fps_at_least: Vec<f64>,
-    /// From handing a camera out to its picture as modelled, median, milliseconds; one figure a round.
+    /// From handing a camera out to its picture as modelled, median, milliseconds.
     pub model_latency_ms: Vec<f64>,
 }
 
-/// A walk as processes that share this machine's cores.
+/// Walks as processes that share this machine's cores.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredFigures {
     /// How many processes: 1 where the roles are threads that share memory.
     pub processes: u8,
-    /// Frames a second; one figure a round.
+    /// Frames a second; one figure a path.
     pub fps: Vec<f64>,
-    /// From handing a camera out to its picture, median, milliseconds; one figure a round.
+    /// From handing a camera out to its picture, median, milliseconds; one figure a path.
     pub latency_ms: Vec<f64>,
 }
 
@@ -165,13 +168,15 @@ pub struct SystemFrame {
     pub triangles: u64,
 }
 
-/// A system at an error bound: what it costs, and how wrong its pictures are.
+/// A system at an error bound on one path: what it costs, and how wrong its pictures are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// Which system.
     pub system: System,
     /// The bound, pixels.
     pub epsilon_px: f64,
+    /// The path, counted from 0.
+    pub path: u32,
     /// Its cost.
     pub cost: FrameCost,
     /// Mean FLIP against full detail, median over the audited frames.
@@ -182,6 +187,26 @@ pub struct CurvePoint {
     pub surface_max_px: Option<f64>,
     /// Pixels unlike the LOD cut without culling, all audited frames.
     pub wrong_pixels: u64,
+}
+
+/// How much pictures of a path change because levels do. Each audited frame is drawn without culling, with its
+/// own levels and with those that the frame before it would have: nothing but the level differs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Popping {
+    /// The error bound, pixels.
+    pub epsilon_px: f64,
+    /// The path, counted from 0.
+    pub path: u32,
+    /// Frames that were looked at.
+    pub frames: u32,
+    /// The share of a picture's pixels that change, median.
+    pub changed: f64,
+    /// The same, 95th percentile.
+    pub changed_p95: f64,
+    /// Mean FLIP between the two pictures, median.
+    pub flip_mean: f64,
+    /// The share of frames in which a level changes whose error is more than a pixel on the screen.
+    pub frames_over_1_px: f64,
 }
 
 /// The cost of a system's frames, its roles one after another; medians over the frames.
@@ -239,6 +264,26 @@ pub struct LagPoint {
     pub triangles: Option<f64>,
     /// Mean FLIP of the pictures shown against those of the poses due when they were shown, median.
     pub flip_mean: Option<f64>,
+}
+
+impl SystemFigures {
+    /// Pixels unlike the picture without culling, all paths.
+    #[must_use]
+    pub fn wrong_pixels(&self) -> u64 {
+        self.drawn.iter().map(|drawn| drawn.wrong_pixels).sum()
+    }
+
+    /// Exactly visible nodes that were not drawn, all paths.
+    #[must_use]
+    pub fn lost_nodes(&self) -> u64 {
+        self.drawn.iter().map(|drawn| drawn.lost_nodes).sum()
+    }
+
+    /// Audited frames, all paths.
+    #[must_use]
+    pub fn audited_frames(&self) -> u32 {
+        self.drawn.iter().map(|drawn| drawn.audited_frames).sum()
+    }
 }
 
 impl FrameCost {

@@ -1,15 +1,16 @@
 //! The tables of a comparison, for its page, for a terminal and for a document.
 
 use super::{
+    interval::Interval,
     paths::Coherence,
     schema::{
-        Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, PAPER, PaperModel, SystemFigures,
+        Comparison, ComparisonTable, CurvePoint, DrawnFigures, ExactFrame, LagPoint, PAPER, PaperModel,
+        Popping, SystemFigures,
     },
     system::System,
 };
 use crate::report::{
-    format::{figure, grouped, with_unit},
-    schema::Stat,
+    format::{figure, grouped, plural, with_unit},
     text,
 };
 
@@ -29,7 +30,13 @@ const NONE: &str = "–";
 /// All tables of a comparison that have rows.
 pub(super) fn tables(comparison: &Comparison) -> Vec<Table> {
     let of_bounds = comparison.tables.iter().flat_map(|table| [speed(comparison, table), drawn(table)]);
-    let others = [paper(), curve(&comparison.curve), coherence(comparison), lag(&comparison.lag)];
+    let others = [
+        paper(),
+        curve(&comparison.curve),
+        popping(&comparison.popping),
+        coherence(comparison),
+        lag(&comparison.lag),
+    ];
     of_bounds.chain(others).filter(|table| !table.rows.is_empty()).collect()
 }
 
@@ -37,7 +44,7 @@ pub(super) fn tables(comparison: &Comparison) -> Vec<Table> {
 /// column is aligned left, the others right.
 #[must_use]
 pub fn summary(found: &Comparison) -> String {
-    let shown = ["speed-", "drawn-", "paper"];
+    let shown = ["speed-", "drawn-", "paper", "popping"];
     let tables = tables(found).into_iter();
     let tables = tables.filter(|table| shown.iter().any(|prefix| table.name.starts_with(prefix)));
     tables.map(|of| format!("{}\n\n{}\n", of.caption, text::table(&of.head, &of.rows))).collect()
@@ -53,28 +60,29 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
         };
         vec![
             figures.system.to_string(),
-            value(alone.or_ms),
-            value(alone.hc_ms),
-            value(alone.rvg_ms),
-            range(&alone.model_fps),
+            mean(&alone.or_ms),
+            mean(&alone.hc_ms),
+            mean(&alone.rvg_ms),
+            mean(&alone.model_fps),
             over(|figures| &figures.alone.model_fps),
-            range(&alone.model_latency_ms),
-            format!("{} ({})", range(&measured.fps), processes(measured.processes)),
+            mean(&alone.model_latency_ms),
+            mean(&measured.fps),
             over(|figures| &figures.measured.fps),
-            range(&measured.latency_ms),
-            grouped(figures.drawn.bytes),
+            mean(&measured.latency_ms),
+            measured.processes.to_string(),
+            of_drawn(figures, |drawn| Some(drawn.bytes)),
         ]
     };
     Table {
         name: format!("speed-{}", figure(table.epsilon_px)),
         caption: format!(
-            "Frame rate at {} px. OR, HC, RVG: taken alone, median ms. MODEL: a machine for each role, made of \
-             them. MEASURED: as so many processes that share {} cores, over {}. Medians of {} rounds (lowest to \
-             highest); ratios over {} in the same round.",
+            "Frame rate at {} px. OR, HC, RVG: taken alone, median ms of a path. MODEL: a machine for each role, \
+             made of them. MEASURED: as so many processes that share {} cores, over {}. Means of {} (95 % \
+             interval, bootstrap); ratios over {} on the same path.",
             figure(table.epsilon_px),
             comparison.cores,
             comparison.link,
-            comparison.rounds,
+            walks(comparison),
             base.map_or(NONE, |base| base.system.name()),
         ),
         head: vec![
@@ -88,9 +96,19 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
             "MEASURED frames/s",
             "ratio",
             "MEASURED latency ms",
+            "processes",
             "bytes a frame",
         ],
         rows: table.systems.iter().map(row).collect(),
+    }
+}
+
+/// What the means are of.
+pub(super) fn walks(comparison: &Comparison) -> String {
+    if comparison.seed.is_some() {
+        plural(comparison.paths.into(), "path", "paths")
+    } else {
+        format!("{} of one path", plural(comparison.paths.into(), "walk", "walks"))
     }
 }
 
@@ -103,18 +121,17 @@ fn base(table: &ComparisonTable) -> Option<&SystemFigures> {
 /// The paper's tables 2 and 3.
 fn drawn(table: &ComparisonTable) -> Table {
     let row = |figures: &SystemFigures| {
-        let drawn = &figures.drawn;
         vec![
             figures.system.to_string(),
-            grouped(drawn.objects),
-            value(drawn.objects_over_exact),
-            value(drawn.objects_over_exact_median),
-            grouped(drawn.triangles),
-            value(drawn.triangles_over_exact),
-            value(drawn.triangles_over_exact_median),
-            grouped(drawn.nodes),
-            grouped(drawn.wrong_pixels as f64),
-            grouped(drawn.lost_nodes as f64),
+            of_drawn(figures, |drawn| Some(drawn.objects)),
+            of_drawn(figures, |drawn| drawn.objects_over_exact),
+            of_drawn(figures, |drawn| drawn.objects_over_exact_median),
+            of_drawn(figures, |drawn| Some(drawn.triangles)),
+            of_drawn(figures, |drawn| drawn.triangles_over_exact),
+            of_drawn(figures, |drawn| drawn.triangles_over_exact_median),
+            of_drawn(figures, |drawn| Some(drawn.nodes)),
+            grouped(figures.wrong_pixels() as f64),
+            grouped(figures.lost_nodes() as f64),
         ]
     };
     let exact = |of: fn(&ExactFrame) -> Option<u64>| {
@@ -138,8 +155,9 @@ fn drawn(table: &ComparisonTable) -> Table {
     Table {
         name: format!("drawn-{}", figure(table.epsilon_px)),
         caption: format!(
-            "Drawn at {} px, means of {} frames, over exactly visible at the same level of detail (sums, and the \
-             median frame), and pixels unlike the picture without culling",
+            "Drawn at {} px, over exactly visible at the same level of detail (sums of a path, and its median \
+             frame): means of the paths (95 % interval, bootstrap). {} frames were held against the picture \
+             without culling: pixels unlike it, and exactly visible nodes that were not drawn, all in all",
             figure(table.epsilon_px),
             table.exact.len()
         ),
@@ -198,29 +216,39 @@ fn paper() -> Table {
 
 /// Speed against error.
 fn curve(points: &[CurvePoint]) -> Table {
-    let mut points: Vec<&CurvePoint> = points.iter().collect();
-    points.sort_by(|a, b| place(a.system).cmp(&place(b.system)).then(a.epsilon_px.total_cmp(&b.epsilon_px)));
-    let row = |point: &CurvePoint| {
+    let mut bounds: Vec<(usize, f64)> =
+        points.iter().map(|point| (place(point.system), point.epsilon_px)).collect();
+    bounds.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    bounds.dedup();
+    let row = |(system, epsilon): (usize, f64)| {
+        let of: Vec<&CurvePoint> =
+            points.iter().filter(|p| place(p.system) == system && p.epsilon_px == epsilon).collect();
+        let mean = |value: fn(&CurvePoint) -> Option<f64>| {
+            mean(&of.iter().filter_map(|point| value(point)).collect::<Vec<_>>())
+        };
+        let largest = |of_point: fn(&CurvePoint) -> Option<f64>| {
+            value(of.iter().filter_map(|point| of_point(point)).reduce(f64::max))
+        };
         vec![
-            point.system.to_string(),
-            figure(point.epsilon_px),
-            value(point.cost.modelled_ms),
-            value(point.cost.or_ms),
-            value(point.cost.hc_ms),
-            value(point.cost.rvg_ms),
-            value(point.cost.triangles),
-            value(point.flip_mean),
-            value(point.silhouette_max_px),
-            value(point.surface_max_px),
-            grouped(point.wrong_pixels as f64),
+            of.first().map_or_else(String::new, |point| point.system.to_string()),
+            figure(epsilon),
+            mean(|point| point.cost.modelled_ms),
+            mean(|point| point.cost.or_ms),
+            mean(|point| point.cost.hc_ms),
+            mean(|point| point.cost.rvg_ms),
+            mean(|point| point.cost.triangles),
+            mean(|point| point.flip_mean),
+            largest(|point| point.silhouette_max_px),
+            largest(|point| point.surface_max_px),
+            grouped(of.iter().map(|point| point.wrong_pixels).sum::<u64>() as f64),
         ]
     };
     Table {
         name: "curve".to_owned(),
-        caption:
-            "Speed against error. MODEL: between two pictures, a machine for each role. Times and triangles \
-                  are medians, FLIP against full detail the median frame's mean, deviations the largest"
-                .to_owned(),
+        caption: "Speed against error. MODEL: between two pictures, a machine for each role. Times and \
+                  triangles are medians of a path, FLIP against full detail that of its median frame: means of \
+                  the paths (95 % interval, bootstrap). Deviations are the largest of all"
+            .to_owned(),
         head: vec![
             "system",
             "ε px",
@@ -234,7 +262,43 @@ fn curve(points: &[CurvePoint]) -> Table {
             "surface px",
             "wrong pixels",
         ],
-        rows: points.into_iter().map(row).collect(),
+        rows: bounds.into_iter().map(row).collect(),
+    }
+}
+
+/// Pictures that change although nothing does but the levels.
+fn popping(points: &[Popping]) -> Table {
+    let mut bounds: Vec<f64> = points.iter().map(|point| point.epsilon_px).collect();
+    bounds.sort_by(f64::total_cmp);
+    bounds.dedup();
+    let row = |epsilon: f64| {
+        let of = |value: fn(&Popping) -> f64| {
+            let of = points.iter().filter(|point| point.epsilon_px == epsilon);
+            mean(&of.map(value).collect::<Vec<_>>())
+        };
+        vec![
+            figure(epsilon),
+            of(|point| 100.0 * point.changed),
+            of(|point| 100.0 * point.changed_p95),
+            of(|point| point.flip_mean),
+            of(|point| 100.0 * point.frames_over_1_px),
+        ]
+    };
+    Table {
+        name: "popping".to_owned(),
+        caption:
+            "Popping: a frame with its own levels against the same frame with those of the frame before, \
+                  the same for every system. Medians and 95th percentiles of a path's frames: means of the \
+                  paths (95 % interval, bootstrap)"
+                .to_owned(),
+        head: vec![
+            "ε px",
+            "pixels that change, %",
+            "95th percentile",
+            "FLIP",
+            "frames with a switch over 1 px, %",
+        ],
+        rows: bounds.into_iter().map(row).collect(),
     }
 }
 
@@ -327,21 +391,23 @@ fn value(value: Option<f64>) -> String {
     with_unit(value, "", NONE)
 }
 
-fn processes(count: u8) -> String {
-    if count == 1 { "1 process".to_owned() } else { format!("{count} processes") }
+/// The mean of one figure a path, with its interval where they differ.
+pub(super) fn mean(figures: &[f64]) -> String {
+    let Some(Interval { mean, low, high }) = Interval::of(figures.iter().copied()) else {
+        return NONE.to_owned();
+    };
+    let [mean, low, high] = [mean, low, high].map(figure);
+    if low == high { mean } else { format!("{mean} ({low} to {high})") }
 }
 
-/// The median of rounds, with the lowest and the highest where they differ.
-pub(super) fn range(rounds: &[f64]) -> String {
-    let Some(stat) = Stat::of(rounds.iter().copied()) else { return NONE.to_owned() };
-    let low = rounds.iter().copied().fold(f64::INFINITY, f64::min);
-    let [median, low, high] = [stat.median, low, stat.max].map(figure);
-    if low == high { median } else { format!("{median} ({low} to {high})") }
+/// The same of a figure of what a system drew.
+fn of_drawn(figures: &SystemFigures, of: fn(&DrawnFigures) -> Option<f64>) -> String {
+    mean(&figures.drawn.iter().filter_map(of).collect::<Vec<_>>())
 }
 
-/// The ratios of figures of the same round.
+/// The ratios of figures of the same path.
 pub(super) fn ratio(of: &[f64], over: &[f64]) -> String {
-    range(&of.iter().zip(over).map(|(of, over)| of / over).collect::<Vec<_>>())
+    mean(&of.iter().zip(over).map(|(of, over)| of / over).collect::<Vec<_>>())
 }
 
 impl Table {
@@ -361,18 +427,18 @@ mod tests {
     use crate::comparison::sample;
 
     #[test]
-    fn ratios_are_of_the_same_round() {
-        // The machine was twice as slow in the second round; the ratio is 3 in each.
+    fn ratios_are_of_the_same_path() {
+        // On the second path everything takes twice as long; the ratio is 3 on each.
         assert_eq!(ratio(&[30.0, 15.0], &[10.0, 5.0]), "3");
-        assert_eq!(range(&[10.0, 12.0, 11.0]), "11 (10 to 12)");
-        assert_eq!((range(&[]), range(&[7.5])), ("–".to_owned(), "7.5".to_owned()));
+        assert_eq!(mean(&[10.0, 20.0]), "15 (10 to 20)");
+        assert_eq!((mean(&[]), mean(&[7.5])), ("–".to_owned(), "7.5".to_owned()));
     }
 
     #[test]
     fn a_table_says_which_figures_are_a_model_and_which_were_measured() {
         let tables = tables(&sample::comparison());
         let names: Vec<_> = tables.iter().map(|table| table.name.as_str()).collect();
-        assert_eq!(names, ["speed-10", "drawn-10", "paper", "curve", "coherence", "lag"]);
+        assert_eq!(names, ["speed-10", "drawn-10", "paper", "curve", "popping", "coherence", "lag"]);
         let speed = &tables[0];
         let times = speed.head.iter().filter(|title| title.contains("frames/s") || title.contains("latency"));
         assert!(times.clone().all(|title| title.starts_with("MODEL") || title.starts_with("MEASURED")));
@@ -397,7 +463,7 @@ mod tests {
         let mut bare = sample::comparison();
         for figures in &mut bare.tables[0].systems {
             figures.measured = Default::default();
-            figures.drawn.objects_over_exact = None;
+            figures.drawn.iter_mut().for_each(|drawn| drawn.objects_over_exact = None);
         }
         bare.tables[0].exact.clear();
         let text: String = tables(&bare).iter().map(Table::markdown).collect();

@@ -26,7 +26,9 @@ mod view_file;
 mod view_states;
 
 #[cfg(feature = "lab")]
-pub use audit::{AttributionError, AuditError, AuditPictures, Auditor, CullingDifference, Reference};
+pub use audit::{
+    AttributionError, AuditError, AuditPictures, Auditor, CullingDifference, LevelSwitch, Reference,
+};
 pub use compose::FrameRecord;
 pub use devices::{SceneOnDevices, WalkthroughError};
 pub use error::ReportingError;
@@ -36,7 +38,9 @@ pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
 pub use redraw::{GivesUp, RedrawError, Redrawer};
-pub use reporting::{SceneFile, Walk, Written, begin, how_ended, memory_use, report_of, write_report};
+pub use reporting::{
+    SceneFile, Walk, Written, begin, how_ended, memory_use, report_of, scene_info, write_report,
+};
 pub use resume::Progress;
 pub use unchecked::{Unchecked, UncheckedError};
 pub use view_file::{ViewChangeError, ViewFileError};

@@ -270,7 +270,9 @@ fn view_states(views: &ViewStates) -> Vec<ViewStateInfo> {
     (1..).zip(views.later()).map(info).collect()
 }
 
-fn scene_info(file: &SceneFile) -> SceneInfo {
+/// A report's description of a scene.
+#[must_use]
+pub fn scene_info(file: &SceneFile) -> SceneInfo {
     let scene = &file.scene;
     SceneInfo {
         file: file.path.display().to_string(),

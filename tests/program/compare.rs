@@ -21,7 +21,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn every_system_shows_the_same_pictures() {
     let bench = Bench::with_plant(1_500);
-    let walk = ["--frames", FRAMES, "--size", "200x160", "--audit-every", "3", "--rounds", "2"];
+    let walk = ["--frames", FRAMES, "--size", "200x160", "--audit-every", "3", "--paths", "2"];
     let more = ["--epsilon", "2", "--curve", "2,8", "--live", "60", "--link", "unix", "--out", "c", "--json"];
     let args = [&["compare", "plant.scene"][..], &walk, &more].concat();
     let output = bench.trimaran(&args);
@@ -32,40 +32,48 @@ fn every_system_shows_the_same_pictures() {
 
     let table = &found["tables"][0];
     let systems = table["systems"].as_array().unwrap();
-    assert_eq!(systems.len(), 10);
+    assert_eq!(systems.len(), 11);
     for figures in systems {
-        let (name, drawn) = (&figures["system"], &figures["drawn"]);
-        assert_eq!(drawn["audited_frames"], 3, "{name}: the first frame is left out");
-        if name != "rays" {
-            assert_eq!((&drawn["wrong_pixels"], &drawn["lost_nodes"]), (&0.into(), &0.into()), "{name}");
+        let name = &figures["system"];
+        let drawn = figures["drawn"].as_array().unwrap();
+        assert_eq!(drawn.len(), 2, "{name}: a record a path");
+        for drawn in drawn {
+            assert_eq!(drawn["audited_frames"], 3, "{name}: the first frame is left out");
+            if name != "rays" {
+                assert_eq!((&drawn["wrong_pixels"], &drawn["lost_nodes"]), (&0.into(), &0.into()), "{name}");
+            }
         }
-        for rounds in [&figures["alone"]["model_fps"], &figures["measured"]["fps"]] {
-            let rounds: Vec<f64> = rounds.as_array().unwrap().iter().map(number).collect();
-            assert!(rounds.len() == 2 && rounds.iter().all(|fps| *fps > 0.0), "{name}: {rounds:?}");
+        for paths in [&figures["alone"]["model_fps"], &figures["measured"]["fps"]] {
+            let paths: Vec<f64> = paths.as_array().unwrap().iter().map(number).collect();
+            assert!(paths.len() == 2 && paths.iter().all(|fps| *fps > 0.0), "{name}: {paths:?}");
         }
         assert_eq!(figures["frames"].as_array().unwrap().len(), 12, "{name}");
     }
-    let over = |system: &str, what: &str| number(&figures(table, system)["drawn"][what]);
-    assert_eq!(over("exact", "objects_over_exact"), 1.0);
-    let objects = |system| over(system, "objects_over_exact");
-    let triangles = |system| over(system, "triangles_over_exact");
-    assert!(objects("independent-1") <= objects("gigawalk"), "ours draws no more");
-    assert!(triangles("exact") <= triangles("switch") && triangles("switch") < triangles("frustum"));
-    assert!(triangles("gigawalk") < triangles("frustum"), "GigaWalk culls something");
-    assert_eq!(
-        over("gigawalk", "nodes"),
-        over("distributed-gigawalk", "nodes"),
-        "only what joins them differs"
-    );
+    assert_ne!(systems[0]["drawn"][0]["triangles"], systems[0]["drawn"][1]["triangles"], "other paths");
+    for path in 0..2 {
+        let over = |system: &str, what: &str| number(&figures(table, system)["drawn"][path][what]);
+        assert_eq!(over("exact", "objects_over_exact"), 1.0);
+        let objects = |system| over(system, "objects_over_exact");
+        let triangles = |system| over(system, "triangles_over_exact");
+        assert!(objects("independent-1") <= objects("gigawalk"), "ours draws no more");
+        assert!(triangles("exact") <= triangles("switch") && triangles("switch") < triangles("frustum"));
+        assert!(triangles("gigawalk") < triangles("frustum"), "GigaWalk culls something");
+        assert!(triangles("paper") < triangles("frustum"), "the paper's culling does, too");
+        let nodes = |system| over(system, "nodes");
+        assert_eq!(nodes("gigawalk"), nodes("distributed-gigawalk"), "only what joins them differs");
+    }
     let processes = |system| &figures(table, system)["measured"]["processes"];
-    assert_eq!([processes("gigawalk"), processes("distributed-gigawalk"), processes("switch")], [1, 2, 3]);
+    assert_eq!([processes("gigawalk"), processes("distributed-gigawalk"), processes("paper")], [1, 2, 3]);
     let occlusion = &figures(table, "frustum")["alone"];
-    assert!(number(&occlusion["or_ms"]) < 0.1, "nothing draws occluders: {occlusion}");
+    assert!(number(&occlusion["or_ms"][0]) < 0.1, "nothing draws occluders: {occlusion}");
 
     let curve = found["curve"].as_array().unwrap();
-    assert_eq!(curve.len(), 2 * systems.len());
+    assert_eq!(curve.len(), 2 * 2 * systems.len(), "a point a bound, path and system");
     let of = |epsilon: f64| -> Vec<&Value> {
-        curve.iter().filter(|point| point["epsilon_px"] == epsilon && point["system"] != "rays").collect()
+        let of = |point: &&Value| {
+            point["epsilon_px"] == epsilon && point["path"] == 0 && point["system"] != "rays"
+        };
+        curve.iter().filter(of).collect()
     };
     for epsilon in [2.0, 8.0] {
         let first = of(epsilon)[0];
@@ -77,6 +85,14 @@ fn every_system_shows_the_same_pictures() {
         assert!(number(&first["silhouette_max_px"]) <= epsilon + 0.1);
     }
     assert!(number(&of(8.0)[0]["flip_mean"]) > number(&of(2.0)[0]["flip_mean"]));
+    // Larger errors are seen more when they come and go.
+    let popping = found["popping"].as_array().unwrap();
+    assert_eq!(popping.len(), 2 * 2, "a record a bound and path");
+    let changed = |epsilon: f64| -> f64 {
+        let of = popping.iter().filter(|point| point["epsilon_px"] == epsilon);
+        of.map(|point| number(&point["changed_p95"])).sum()
+    };
+    assert!(changed(8.0) > changed(2.0) && changed(2.0) > 0.0, "{popping:?}");
     assert_eq!(found["coherence"].as_array().unwrap().len(), 4 * systems.len());
     for point in found["coherence"].as_array().unwrap().iter().filter(|point| point["system"] == "exact") {
         assert_eq!(point["nodes_over_exact"], 1.0, "{point}");
@@ -110,7 +126,8 @@ fn what_makes_no_comparison_is_refused() {
     refused(&["--link", "inproc"], &["--link", "tcp"]);
     refused(&["--systems", "gigawalks"], &["gigawalks", "distributed-gigawalk"]);
     refused(&["--epsilon", "0"], &["--epsilon"]);
-    refused(&["--rounds", "0"], &["--rounds"]);
+    refused(&["--paths", "0"], &["--paths"]);
+    refused(&["--quick", "--paths", "4"], &["--quick", "--paths"]);
     refused(&["--path", "missing.json"], &["missing.json"]);
     assert!(!bench.path("c/compare.json").exists() && !bench.path("c/compare.html").exists());
 }

@@ -10,7 +10,7 @@ use super::{
     walks::{LinkKind, WalkArgs},
 };
 
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct CompareArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
@@ -59,9 +59,13 @@ pub(crate) struct CompareArgs {
     /// Leave out the same walk at other paces: slow, turning on the spot, from place to place.
     #[arg(long)]
     pub(crate) no_coherence: bool,
-    /// How often each walk of a table is walked, in turn with those of the other systems.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) rounds: u32,
+    /// How many automatic paths are walked, the first with --seed, each further one with the next seed. A
+    /// path from a file is walked as often.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) paths: u32,
+    /// Three paths of 60 frames at the first error bound, without curve, coherence and walks by the clock.
+    #[arg(long, conflicts_with_all = ["paths", "curve", "live", "no_coherence"])]
+    pub(crate) quick: bool,
     /// How processes are joined, where a system is measured as processes.
     #[arg(long, value_enum, default_value = "tcp", env = "TRIMARAN_LINK")]
     pub(crate) link: LinkKind,
@@ -75,4 +79,20 @@ pub(crate) struct CompareArgs {
     /// Print the comparison as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl CompareArgs {
+    /// The same with what --quick stands for.
+    pub(crate) fn quickened(&self) -> Self {
+        let mut args = self.clone();
+        if args.quick {
+            args.paths = 3;
+            args.epsilon.truncate(1);
+            args.curve.clear();
+            args.live.clear();
+            args.no_coherence = true;
+            args.walk.frames = Some(args.walk.frames.unwrap_or(60));
+        }
+        args
+    }
 }

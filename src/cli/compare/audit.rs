@@ -1,54 +1,88 @@
 //! The exact references of a comparison's frames.
 
+use std::collections::BTreeMap;
+
 use trimaran::{
-    comparison::ComparedPicture,
-    report::Frame,
-    walkthrough::{Auditor, FrameRecord, Plan, Reference},
+    comparison::{ComparedPicture, schema::Popping},
+    report::{Frame, schema::Stat},
+    walkthrough::{Auditor, FrameRecord, LevelSwitch, Plan, Reference},
 };
 use trimaran_actors::Cameras;
 use trimaran_proto::FrameNumber;
 
-use super::walks::{Comparing, Mode, plan};
+use super::walks::{Comparing, Mode, Path, plan};
 use crate::cli::{Failure, progress};
+
+/// Audited frames of a path that are held against full detail: they take longest to draw.
+const ERRORS: usize = 20;
 
 /// The exact references of each audited frame at each error bound, and the device that draws them.
 pub(super) struct References {
     pub(super) auditor: Auditor,
-    /// By error bound, each with the references by frame.
-    found: Vec<(f64, Vec<(u32, Reference)>)>,
+    found: Vec<OfBound>,
+}
+
+/// Those at one error bound.
+struct OfBound {
+    epsilon_px: f64,
+    /// By path and frame.
+    frames: BTreeMap<(u32, u32), Reference>,
+    /// By path, of each audited frame that has one before it.
+    switches: BTreeMap<u32, Vec<LevelSwitch>>,
 }
 
 impl References {
     /// Draws all of them. Each frame is drawn at all error bounds in turn, which share its full detail.
     pub(super) fn find(comparing: &Comparing<'_>, bounds: &[f64]) -> Result<Self, Failure> {
-        let Comparing { args, file, drawn, path, first_plan, .. } = comparing;
-        let auditor = Auditor::new(&file.scene, drawn, path.views().clone()).map_err(Failure::broken)?;
-        let mut references = Self { auditor, found: bounds.iter().map(|px| (*px, Vec::new())).collect() };
-        let every = args.walk.audit_every;
-        if every == 0 {
-            return Ok(references);
-        }
-        // The first frame has no history, so it says little about the others.
-        let first = if path.frames() > every { every } else { 0 };
-        let frames = (first..path.frames()).step_by(every as usize);
-        let bar = progress::bar("references", frames.len() as u64 * bounds.len() as u64);
-        let mut cameras = path.clone();
-        let Some(&system) = args.systems.first() else { return Ok(references) };
-        for frame in frames {
-            let camera = cameras.camera(FrameNumber(frame));
-            for (epsilon, found) in &mut references.found {
-                if comparing.stop.requested() {
-                    return Err(Failure::stopped("interrupted"));
+        let Comparing { args, file, drawn, paths, first_plan, .. } = comparing;
+        let auditor = Auditor::new(&file.scene, drawn, first_plan.settings()).map_err(Failure::broken)?;
+        let of =
+            |&epsilon_px: &f64| OfBound { epsilon_px, frames: BTreeMap::new(), switches: BTreeMap::new() };
+        let mut references = Self { auditor, found: bounds.iter().map(of).collect() };
+        let count: usize = paths.iter().map(|path| audited(path, args.walk.audit_every).len()).sum();
+        let bar = progress::bar("references", (count * bounds.len()) as u64);
+        for (index, path) in (0..).zip(paths) {
+            let frames = audited(path, args.walk.audit_every);
+            let errors = frames.len().div_ceil(ERRORS).max(1);
+            for (place, frame) in frames.enumerate() {
+                for bound in 0..bounds.len() {
+                    references.draw(comparing, bound, index, path, frame, place % errors == 0)?;
+                    bar.inc(1);
                 }
-                references.auditor.see(plan(args, system, *epsilon, Mode::Audited)?.settings());
-                let reference = references.auditor.reference(camera).map_err(Failure::broken)?;
-                found.push((frame, reference));
-                bar.inc(1);
             }
         }
         bar.finish_and_clear();
         references.see(first_plan);
         Ok(references)
+    }
+
+    fn draw(
+        &mut self,
+        comparing: &Comparing<'_>,
+        bound: usize,
+        index: u32,
+        path: &Path,
+        frame: u32,
+        with_error: bool,
+    ) -> Result<(), Failure> {
+        if comparing.stop.requested() {
+            return Err(Failure::stopped("interrupted"));
+        }
+        let Self { auditor, found } = self;
+        let (Some(&system), Some(of)) = (comparing.args.systems.first(), found.get_mut(bound)) else {
+            return Ok(());
+        };
+        auditor.see(plan(comparing.args, system, of.epsilon_px, Mode::Audited)?.settings());
+        let mut cameras = path.cameras.clone();
+        let camera = cameras.camera(FrameNumber(frame));
+        let reference = auditor.reference(camera, with_error).map_err(Failure::broken)?;
+        of.frames.insert((index, frame), reference);
+        if let Some(before) = frame.checked_sub(1) {
+            let before = cameras.camera(FrameNumber(before));
+            let switch = auditor.level_switch(before, camera).map_err(Failure::broken)?;
+            of.switches.entry(index).or_default().push(switch);
+        }
+        Ok(())
     }
 
     /// Sets the plan by which frames are drawn from now on.
@@ -61,41 +95,71 @@ impl References {
     pub(super) fn pictures(&mut self, plan: &Plan) -> Result<Vec<ComparedPicture>, Failure> {
         let epsilon_px = plan.lod.epsilon_px();
         self.see(plan);
-        let flip = |reference: &Reference| reference.error.flip_mean.unwrap_or(0.0);
-        let mut by_error: Vec<_> =
-            self.at(epsilon_px).map(|(frame, of)| (frame, of.camera, flip(of))).collect();
+        let flip = |reference: &Reference| reference.error.and_then(|error| error.flip_mean);
+        let frames = self.at(epsilon_px).filter_map(|(at, of)| Some((at, of.camera, flip(of)?)));
+        let mut by_error: Vec<_> = frames.collect();
         by_error.sort_by(|a, b| a.2.total_cmp(&b.2));
         let typical = by_error.get(by_error.len().saturating_sub(1) / 2).copied();
         let worst = by_error.pop().filter(|worst| Some(worst.0) != typical.map(|typical| typical.0));
         let mut pictures = Vec::new();
         for (which, chosen) in [("typical", typical), ("worst", worst)] {
-            let Some((frame, camera, flip_mean)) = chosen else { continue };
+            let Some(((path, frame), camera, flip_mean)) = chosen else { continue };
             let [shown, full] = self.auditor.pictures(camera).map_err(Failure::broken)?;
-            pictures.push(ComparedPicture { epsilon_px, frame, which, flip_mean, shown, full });
+            pictures.push(ComparedPicture { epsilon_px, path, frame, which, flip_mean, shown, full });
         }
         Ok(pictures)
     }
 
-    /// The references at an error bound, by frame.
-    pub(super) fn at(&self, epsilon: f64) -> impl Iterator<Item = (u32, &Reference)> {
-        let of = self.found.iter().filter(move |(px, _)| *px == epsilon);
-        of.flat_map(|(_, found)| found).map(|(frame, reference)| (*frame, reference))
+    /// The references at an error bound, by path and frame.
+    pub(super) fn at(&self, epsilon: f64) -> impl Iterator<Item = ((u32, u32), &Reference)> {
+        let of = self.found.iter().filter(move |of| of.epsilon_px == epsilon);
+        of.flat_map(|of| &of.frames).map(|(at, reference)| (*at, reference))
     }
 
-    /// Compares a frame with its reference, if it has one, and enters the result.
+    /// How much pictures change because levels do, by error bound and path.
+    pub(super) fn popping(&self) -> Vec<Popping> {
+        let of = |of: &OfBound| {
+            let epsilon_px = of.epsilon_px;
+            let popping = |(path, switches): (&u32, &Vec<LevelSwitch>)| {
+                let stat = |of: fn(&LevelSwitch) -> f64| Stat::of(switches.iter().map(of));
+                let (changed, flip) = (stat(|switch| switch.changed)?, stat(|switch| switch.flip_mean)?);
+                let over = switches.iter().filter(|switch| switch.largest_px > 1.0).count();
+                Some(Popping {
+                    epsilon_px,
+                    path: *path,
+                    frames: changed.frames,
+                    changed: changed.median,
+                    changed_p95: changed.p95,
+                    flip_mean: flip.median,
+                    frames_over_1_px: over as f64 / switches.len().max(1) as f64,
+                })
+            };
+            of.switches.iter().filter_map(popping).collect::<Vec<_>>()
+        };
+        self.found.iter().flat_map(of).collect()
+    }
+
+    /// Compares a frame of a path with its reference, if it has one, and enters the result.
     pub(super) fn enter(
         &mut self,
         epsilon: f64,
+        path: u32,
         record: &FrameRecord,
         frame: &mut Frame,
     ) -> Result<(), Failure> {
         let Self { auditor, found } = self;
-        let of = found.iter().find(|(px, _)| *px == epsilon);
-        let reference = of.and_then(|(_, found)| found.iter().find(|(number, _)| *number == frame.frame));
-        if let Some((_, reference)) = reference {
+        let of = found.iter().find(|of| of.epsilon_px == epsilon);
+        if let Some(reference) = of.and_then(|of| of.frames.get(&(path, frame.frame))) {
             let difference = auditor.culling_difference(reference, record).map_err(Failure::broken)?;
             reference.enter(difference, frame);
         }
         Ok(())
     }
+}
+
+/// The audited frames of a path. The first one has no history, so it says little about the others.
+fn audited(path: &Path, every: u32) -> impl ExactSizeIterator<Item = u32> + use<> {
+    let frames = if every == 0 { 0 } else { path.cameras.frames() };
+    let first = if frames > every { every } else { 0 };
+    (first..frames).step_by(every.max(1) as usize)
 }

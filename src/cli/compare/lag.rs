@@ -27,10 +27,11 @@ impl Comparing<'_> {
         references: &mut References,
         found: &mut Vec<LagPoint>,
     ) -> Result<(), Failure> {
+        let Some(first) = self.paths.first() else { return Ok(()) };
         for &hz in &self.args.live {
             for &system in &self.args.systems {
                 let plan = plan(self.args, system, epsilon, Mode::Live(hz))?;
-                let path = self.path_of(system, epsilon, &self.poses)?;
+                let path = self.path_of(system, epsilon, &first.poses)?;
                 let (report, records) = self.recorded(system, &plan, Mode::Live(hz), &path, |_, _| Ok(()))?;
                 references.see(&plan);
                 let metric = |key: &str| report.summary.metrics.get(key).map(|stat| stat.median);

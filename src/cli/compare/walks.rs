@@ -11,7 +11,7 @@ use trimaran::{
 };
 use trimaran_actors::{Schedule, Stop};
 use trimaran_gpu::GpuScene;
-use trimaran_scene::path::PosePath;
+use trimaran_scene::{Scene, path::PosePath};
 
 use super::audit::References;
 use crate::cli::{
@@ -36,6 +36,14 @@ pub(super) enum Mode {
     Live(f64),
 }
 
+/// A path that every system walks.
+pub(super) struct Path {
+    /// One pose per frame.
+    pub(super) poses: PosePath,
+    /// The same at the first error bound.
+    pub(super) cameras: CameraPath,
+}
+
 /// A comparison under way.
 pub(super) struct Comparing<'c> {
     pub(super) args: &'c CompareArgs,
@@ -44,10 +52,8 @@ pub(super) struct Comparing<'c> {
     pub(super) drawn: Arc<GpuScene>,
     /// The same on a second device, for cullers that are threads of this process.
     other: OnceCell<Arc<GpuScene>>,
-    /// The walk, with one pose per frame.
-    pub(super) poses: PosePath,
-    /// The walk at the first error bound.
-    pub(super) path: CameraPath,
+    /// The paths.
+    pub(super) paths: Vec<Path>,
     pub(super) first_plan: Plan,
     pub(super) bar: ProgressBar,
     pub(super) runtime: Runtime,
@@ -62,28 +68,14 @@ impl<'c> Comparing<'c> {
             return Err(Failure::bad_input("name at least one system, and one error bound"));
         };
         let first_plan = plan(args, system, epsilon, Mode::Alone)?;
-        let found = walking::path(&args.walk, &first_plan, &file.scene, None)?;
-        let count = found.frames() as usize;
-        let poses = found.poses().frames().iter().cycle().take(count).copied().collect();
-        let poses =
-            PosePath::new(found.vfov_deg(), poses).and_then(|path| path.with_near(found.near().into()));
-        let poses = poses.map_err(Failure::broken)?;
+        let seeds = (args.walk.seed..).take(args.paths as usize);
+        let find = |seed| path(&WalkArgs { seed, ..args.walk.clone() }, &first_plan, &file.scene);
+        let paths = seeds.map(find).collect::<Result<Vec<_>, _>>()?;
         let drawn = upload(&file, &args.walk.gpu_options())?;
         let runtime = walking::runtime()?;
         let stop = stop_on_signal(&runtime);
         let bar = progress::bar("comparing", steps(args) as u64);
-        Ok(Self {
-            args,
-            file,
-            drawn,
-            other: OnceCell::new(),
-            poses,
-            path: found,
-            first_plan,
-            bar,
-            runtime,
-            stop,
-        })
+        Ok(Self { args, file, drawn, other: OnceCell::new(), paths, first_plan, bar, runtime, stop })
     }
 
     /// One of the requested systems for each kind of work. Systems that differ only in their links walk alike
@@ -114,9 +106,15 @@ impl<'c> Comparing<'c> {
         CameraPath::of(poses.clone(), &self.file.scene, views, None).map_err(Failure::broken)
     }
 
-    /// Walks the path, and reports.
-    pub(super) fn walk(&self, system: System, epsilon: f64, mode: Mode) -> Result<Report, Failure> {
-        self.walk_on(system, epsilon, mode, &self.path_of(system, epsilon, &self.poses)?)
+    /// Walks one of the paths, and reports.
+    pub(super) fn walk(
+        &self,
+        system: System,
+        epsilon: f64,
+        mode: Mode,
+        path: &Path,
+    ) -> Result<Report, Failure> {
+        self.walk_on(system, epsilon, mode, &self.path_of(system, epsilon, &path.poses)?)
     }
 
     /// The same on another path.
@@ -131,17 +129,19 @@ impl<'c> Comparing<'c> {
         Ok(self.recorded(system, &plan, mode, path, |_, _| Ok(()))?.0)
     }
 
-    /// Walks the path with the roles one after another, and compares its frames with the exact ones.
+    /// Walks one of the paths with the roles one after another, and compares its frames with the exact ones.
     pub(super) fn audited(
         &self,
         system: System,
         epsilon: f64,
+        index: u32,
+        path: &Path,
         references: &mut References,
     ) -> Result<Report, Failure> {
         let plan = plan(self.args, system, epsilon, Mode::Audited)?;
-        let path = self.path_of(system, epsilon, &self.poses)?;
+        let path = self.path_of(system, epsilon, &path.poses)?;
         references.see(&plan);
-        let audit = |record: &FrameRecord, frame: &mut _| references.enter(epsilon, record, frame);
+        let audit = |record: &FrameRecord, frame: &mut _| references.enter(epsilon, index, record, frame);
         Ok(self.recorded(system, &plan, Mode::Audited, &path, audit)?.0)
     }
 
@@ -219,6 +219,16 @@ fn by_work(systems: &[System]) -> impl Iterator<Item = System> + '_ {
     systems.iter().enumerate().filter(first).map(|(_, system)| *system)
 }
 
+/// The path of these flags, with one pose per frame.
+fn path(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<Path, Failure> {
+    let cameras = walking::path(walk, plan, scene, None)?;
+    let count = cameras.frames() as usize;
+    let poses = cameras.poses().frames().iter().cycle().take(count).copied().collect();
+    let poses =
+        PosePath::new(cameras.vfov_deg(), poses).and_then(|path| path.with_near(cameras.near().into()));
+    Ok(Path { poses: poses.map_err(Failure::broken)?, cameras })
+}
+
 fn cullers(system: System) -> CullerArgs {
     let schedule = match system.schedule() {
         Schedule::Switch => ScheduleArg::Switch,
@@ -241,8 +251,9 @@ pub(super) fn plan(args: &CompareArgs, system: System, epsilon: f64, mode: Mode)
 /// How many walks a comparison takes.
 fn steps(args: &CompareArgs) -> usize {
     let (all, different) = (args.systems.len(), by_work(&args.systems).count());
-    let tables = args.epsilon.len() * args.rounds as usize * (all + different);
-    let curve = args.curve.iter().filter(|px| !args.epsilon.contains(px)).count() * different;
+    let paths = args.paths as usize;
+    let tables = args.epsilon.len() * paths * (all + different);
+    let curve = args.curve.iter().filter(|px| !args.epsilon.contains(px)).count() * paths * different;
     let coherence = if args.no_coherence { 0 } else { Coherence::ALL.len() * different };
     tables + curve + coherence + args.live.len() * all
 }

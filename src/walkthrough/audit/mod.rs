@@ -3,6 +3,7 @@
 mod attribution;
 mod deviation;
 mod due;
+mod popping;
 mod reference;
 
 use std::{collections::BTreeSet, sync::Arc};
@@ -25,6 +26,7 @@ pub use attribution::AttributionError;
 #[cfg(test)]
 pub(super) use deviation::finest_below;
 pub(super) use due::DueAudits;
+pub use popping::LevelSwitch;
 pub use reference::{CullingDifference, Reference};
 use reference::{Drawn, FullDetail};
 

@@ -23,8 +23,8 @@ pub struct Reference {
     pub objects: u64,
     /// How many triangles own a pixel.
     pub triangles: Option<u64>,
-    /// The error of the picture against full detail.
-    pub error: ImageDifference,
+    /// The error of the picture against full detail, if it was asked for.
+    pub error: Option<ImageDifference>,
 }
 
 /// How a culled frame differs from its reference.
@@ -45,30 +45,36 @@ impl Reference {
         frame.triangles_exact = self.triangles;
         frame.cut_mismatch_pixels = Some(difference.pixels);
         frame.false_culled_nodes = Some(difference.lost_nodes);
-        frame.full_detail = Some(self.error);
+        frame.full_detail = self.error;
     }
 }
 
 impl Auditor {
-    /// A frame without culling, for comparisons with culled ones.
+    /// A frame without culling, for comparisons with culled ones; `with_error` also compares it with full
+    /// detail, which takes longest.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn reference(&mut self, camera: Camera) -> Result<Reference, AuditError> {
+    pub fn reference(&mut self, camera: Camera, with_error: bool) -> Result<Reference, AuditError> {
         let (view, rule) = self.redrawer.seen_from(&camera);
         let mut picture = Image::default();
         let cut = self.unculled(camera, &mut picture)?;
         let items = self.draw_items(&view, &rule, &cut)?;
         let owners = items_of(&items)?;
         let exact: Vec<_> = exactly_visible(&owners).into_iter().map(DrawableId).collect();
-        let full = self.full(camera)?;
         let drawn = Drawn { ids: &cut, picture: &picture, items: &items };
+        let error = if with_error {
+            let full = self.full(camera)?;
+            Some(self.level_error(&view, &rule, drawn, &full)?)
+        } else {
+            None
+        };
         Ok(Reference {
             camera,
             picture: fingerprint(&picture),
             objects: count_objects(&self.redrawer.scene, exact.iter().copied()),
             triangles: exactly_visible_triangles(&owners, &items.triangle),
-            error: self.level_error(&view, &rule, drawn, &full)?,
+            error,
             exact,
         })
     }
