@@ -41,6 +41,10 @@ pub enum System {
     Independent4,
     /// The display culls for itself: occlusion culling in two passes, on one GPU, where that is faster.
     Alone,
+    /// CHC++ (Mattausch, Bittner and Wimmer 2008) on one GPU.
+    #[value(name = "chc++")]
+    #[serde(rename = "chc++")]
+    Chc,
     /// Levels of detail and the frustum on one GPU, and nothing else.
     Frustum,
     /// One culler that finds the exactly visible nodes with an item buffer.
@@ -67,7 +71,7 @@ pub struct UnknownSystem {
 
 impl System {
     /// Every system, those of the paper first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::GigaWalk,
         Self::DistributedGigaWalk,
         Self::Paper,
@@ -76,6 +80,7 @@ impl System {
         Self::Independent2,
         Self::Independent4,
         Self::Alone,
+        Self::Chc,
         Self::Frustum,
         Self::Exact,
         Self::Rays,
@@ -93,6 +98,7 @@ impl System {
             Self::Independent2 => "independent-2",
             Self::Independent4 => "independent-4",
             Self::Alone => "alone",
+            Self::Chc => "chc++",
             Self::Frustum => "frustum",
             Self::Exact => "exact",
             Self::Rays => "rays",
@@ -113,6 +119,7 @@ impl System {
             Self::Independent2 => "two cullers, each by what it found itself: the default of `run`",
             Self::Independent4 => "four cullers, likewise",
             Self::Alone => "one GPU: occlusion culling in two passes",
+            Self::Chc => "one GPU: CHC++, hardware queries that several hidden nodes share",
             Self::Frustum => "one GPU: levels of detail and the frustum, no occlusion culling",
             Self::Exact => "one culler, which finds the exactly visible nodes with an item buffer",
             Self::Rays => "one culler without a GPU, which casts a ray through each pixel",
@@ -125,6 +132,7 @@ impl System {
         match self {
             Self::GigaWalk | Self::DistributedGigaWalk => CullingMethod::GigaWalk,
             Self::Paper => CullingMethod::Paper,
+            Self::Chc => CullingMethod::Chc,
             Self::Frustum => CullingMethod::Frustum,
             Self::Exact => CullingMethod::Exact,
             Self::Rays => CullingMethod::Rays,
@@ -136,7 +144,7 @@ impl System {
     #[must_use]
     pub const fn cullers(self) -> u8 {
         match self {
-            Self::Alone | Self::Frustum => 0,
+            Self::Alone | Self::Chc | Self::Frustum => 0,
             Self::Paper | Self::Switch | Self::Independent2 => 2,
             Self::Independent4 => 4,
             _ => 1,
@@ -156,7 +164,7 @@ impl System {
     #[must_use]
     pub const fn place(self) -> Place {
         match self {
-            Self::GigaWalk | Self::Alone | Self::Frustum => Place::Threads,
+            Self::GigaWalk | Self::Alone | Self::Chc | Self::Frustum => Place::Threads,
             _ => Place::Processes,
         }
     }

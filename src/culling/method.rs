@@ -19,6 +19,12 @@ pub enum CullingMethod {
     /// tested by hardware occlusion queries, once, level by level. Nothing is known at first and after a jump.
     #[cfg(feature = "lab")]
     Paper,
+    /// As CHC++ does (Mattausch, Bittner and Wimmer 2008): hardware occlusion queries, several hidden nodes a
+    /// query, and few of what was visible before.
+    #[cfg(feature = "lab")]
+    #[value(name = "chc++")]
+    #[serde(rename = "chc++")]
+    Chc,
     /// As GigaWalk does (paper, section 5): all that was visible last as occluders, their depth read back, a
     /// pyramid of farthest depths on the CPU, and the rectangle around each box tested against at most 2 x 2
     /// of its texels.
@@ -45,6 +51,8 @@ impl CullingMethod {
             Self::Trimaran => "trimaran",
             #[cfg(feature = "lab")]
             Self::Paper => "paper",
+            #[cfg(feature = "lab")]
+            Self::Chc => "chc++",
             #[cfg(feature = "lab")]
             Self::GigaWalk => "gigawalk",
             Self::Frustum => "frustum",

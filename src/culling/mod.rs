@@ -3,6 +3,8 @@
 //! All of them choose levels by one rule, over one tree, and draw in one order: only the culling differs.
 
 #[cfg(feature = "lab")]
+mod chc;
+#[cfg(feature = "lab")]
 mod exact;
 mod frustum;
 #[cfg(feature = "lab")]
@@ -23,6 +25,8 @@ use trimaran_proto::OcclusionTestKind;
 use trimaran_proto::Settings;
 use trimaran_scene::Scene;
 
+#[cfg(feature = "lab")]
+use chc::Chc;
 #[cfg(feature = "lab")]
 use exact::Exact;
 use frustum::Frustum;
@@ -69,6 +73,8 @@ impl Culling {
             CullingMethod::GigaWalk => {
                 Box::new(GigaWalk::new(scene, drawn, settings).map_err(opening("opening it"))?)
             }
+            #[cfg(feature = "lab")]
+            CullingMethod::Chc => Box::new(Chc::new(scene, drawn, size).map_err(opening("opening it"))?),
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
             #[cfg(feature = "lab")]
             CullingMethod::Rays => Box::new(trimaran_rays::Rays::new(scene)),

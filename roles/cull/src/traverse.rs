@@ -2,7 +2,6 @@
 //! 4.1 and section 4.5.1). A node that is drawn at a level of several pieces is followed by these, which are
 //! tested one by one like children.
 
-use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -14,6 +13,7 @@ use crate::boxes::{BoxMaker, Prepared, Untestable};
 use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut, read_ahead};
 use crate::parallel::find_each;
+use crate::reached::Reached;
 use crate::{Answer, CutRule, OcclusionTest, TestBox, View, WholeTraversal};
 
 /// Counters of one traversal.
@@ -102,40 +102,12 @@ struct Memory {
     visible: Vec<DrawableId>,
 }
 
-/// A node or a piece: each is tested by its own box.
-#[derive(Debug, Clone, Copy)]
-enum Reached {
-    Node(NodeId),
-    /// A piece of a level that is drawn, one of several.
-    Piece(DrawableId),
-}
-
 /// A node or a piece of the level in the frustum.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     reached: Reached,
     choice: Choice,
     tested: bool,
-}
-
-impl Reached {
-    /// How it would be drawn, and its box. `None` if the scene lacks it.
-    fn find(self, cut: &LodCut<'_>, maker: &BoxMaker) -> Option<(Choice, Prepared)> {
-        let scene = cut.scene();
-        let part = match self {
-            Self::Node(id) => Cow::Borrowed(scene.nodes().get(id.0 as usize)?),
-            Self::Piece(id) => Cow::Owned(scene.part(id)?.1),
-        };
-        if cut.outside(&part) {
-            return Some((Choice::Nothing, Prepared::Outside));
-        }
-        let choice = match self {
-            Self::Node(id) => cut.choose(id, &part),
-            Self::Piece(id) => Choice::Draw(scene.drawables().get(id.index())?.level(id)),
-        };
-        let prepared = if choice == Choice::Nothing { Prepared::Outside } else { maker.prepare(&part) };
-        Some((choice, prepared))
-    }
 }
 
 impl Culler {

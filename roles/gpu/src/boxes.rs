@@ -81,7 +81,7 @@ pub(crate) fn prepare(
 
 /// The most boxes tested at once: some megabytes of records, and fewer workgroups than any device's limit per
 /// dispatch.
-const BATCH: usize = 32_768;
+pub(crate) const BATCH: usize = 32_768;
 
 /// The capacity to allocate for a batch of `count` boxes: enough that the next ones seldom need more.
 pub(crate) fn room_for(count: usize) -> usize {

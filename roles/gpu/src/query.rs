@@ -1,6 +1,6 @@
 //! Testing boxes by occlusion queries: the paper's method.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -17,8 +17,8 @@ use crate::reuse::reuse_or_make;
 use crate::timing::Pass;
 use crate::{Gpu, GpuError};
 
-/// Tests boxes by precise occlusion queries, one per box, all of a batch before the first is read. Counts
-/// pixels.
+/// Tests boxes by precise occlusion queries, one per box or one for several, all of a batch before the first
+/// is read. Counts pixels.
 pub struct QueryTest<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut QueryBoxes,
@@ -35,7 +35,16 @@ pub(crate) struct QueryBoxes {
     room: Option<Room>,
     records: Vec<BoxRecord>,
     owners: Vec<u32>,
+    /// Of each box, whether it is visible without a query.
+    certain: Vec<u32>,
+    queries: Vec<Query>,
     results: Vec<u32>,
+}
+
+/// A query of some boxes, by their records.
+struct Query {
+    group: usize,
+    records: Range<usize>,
 }
 
 /// Resources for a batch of this many boxes.
@@ -52,38 +61,88 @@ impl<'a> QueryTest<'a> {
     }
 }
 
-impl OcclusionTest for QueryTest<'_> {
-    type Error = GpuError;
+impl QueryTest<'_> {
+    /// Tests several boxes by one query: `sizes` says how many consecutive boxes each query covers. Clears
+    /// `visible` and fills it with one entry per query: the pixels at which one of its boxes is visible, each
+    /// pixel once a box; 0 if all are hidden.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn test_together(
+        &mut self,
+        view: &View,
+        boxes: &[TestBox],
+        sizes: impl IntoIterator<Item = usize>,
+        visible: &mut Vec<u32>,
+    ) -> Result<(), GpuError> {
+        let QueryBoxes { records, owners, queries, certain, .. } = &mut *self.boxes;
+        boxes::prepare(view, boxes, certain, records, owners);
+        queries.clear();
+        visible.clear();
+        let (mut first_box, mut first_record) = (0, 0);
+        for size in sizes {
+            let last_box = first_box + size;
+            let of = owners.get(first_record..).unwrap_or_default();
+            let last_record =
+                first_record + of.iter().take_while(|owner| (**owner as usize) < last_box).count();
+            // A box that no query can decide is visible, and with it all that are tested together with it.
+            let decided = last_record - first_record == size;
+            if decided && size > 0 {
+                queries.push(Query { group: visible.len(), records: first_record..last_record });
+            }
+            visible.push(u32::from(!decided));
+            (first_box, first_record) = (last_box, last_record);
+        }
+        self.count(view, visible)
+    }
 
-    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
-        let Self { pass, boxes: QueryBoxes { pipeline, room, records, owners, results } } = self;
-        boxes::prepare(view, boxes, visible, records, owners);
+    /// Counts the pixels of all queries.
+    fn count(&mut self, view: &View, visible: &mut [u32]) -> Result<(), GpuError> {
+        let Self { pass, boxes: QueryBoxes { pipeline, room, records, queries, results, .. } } = self;
         let constants = ProjectionConstants::new(view);
-        for (records, owners) in boxes::batches(records, owners) {
+        let mut left = queries.as_slice();
+        while let Some(first) = left.first().map(|query| query.records.start) {
+            let fits = |query: &&Query| query.records.end - first <= boxes::BATCH;
+            let (batch, rest) = left.split_at(left.iter().take_while(fits).count().max(1));
+            left = rest;
+            let records = records.get(first..batch.last().map_or(first, |query| query.records.end));
+            let records = records.unwrap_or_default();
             let make = || Room::new(pass.gpu(), boxes::room_for(records.len()));
             let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, Some(Pass::Culling), |commands| {
-                commands.reset_queries(room.pool, records.len() as u32);
-                for first in (0..records.len()).step_by(QUERIES_PER_PASS) {
-                    let last = records.len().min(first + QUERIES_PER_PASS);
+                commands.reset_queries(room.pool, batch.len() as u32);
+                for (in_pass, queries) in batch.chunks(QUERIES_PER_PASS).enumerate() {
                     commands.render(OverDepth::targets(depth, size), || {
                         commands.bind(pipeline, &constants);
                         commands.bind_instances(room.records.buffer());
-                        for index in first as u32..last as u32 {
-                            commands.query(room.pool, index, || {
-                                commands.draw(boxes::VERTICES, index..index + 1);
+                        for (index, query) in (in_pass * QUERIES_PER_PASS..).zip(queries) {
+                            let [start, end] = [query.records.start, query.records.end];
+                            commands.query(room.pool, index as u32, || {
+                                commands.draw(boxes::VERTICES, (start - first) as u32..(end - first) as u32);
                             });
                         }
                     });
                 }
             })?;
             stream.wait(OPERATION)?;
-            room.read(records.len(), results)?;
-            boxes::hand_out(results, owners, visible);
+            room.read(batch.len(), results)?;
+            for (&count, query) in results.iter().zip(batch) {
+                if let Some(visible) = visible.get_mut(query.group) {
+                    *visible = count;
+                }
+            }
         }
         Ok(())
+    }
+}
+
+impl OcclusionTest for QueryTest<'_> {
+    type Error = GpuError;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
+        self.test_together(view, boxes, std::iter::repeat_n(1, boxes.len()), visible)
     }
 
     fn answer(&self) -> Answer {
@@ -104,7 +163,15 @@ impl QueryBoxes {
                 depth: DepthUse::Test,
             },
         )?;
-        Ok(Self { pipeline, room: None, records: vec![], owners: vec![], results: vec![] })
+        Ok(Self {
+            pipeline,
+            room: None,
+            records: vec![],
+            owners: vec![],
+            certain: vec![],
+            queries: vec![],
+            results: vec![],
+        })
     }
 }
 
