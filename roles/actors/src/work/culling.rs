@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    CullError, Culler, CutRule, DrawOrder, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
+    CullError, Culler, CutRule, DrawOrder, OccluderMapper, Rounds, TriangleBudget, View, lod_cut,
     select_occluders, triangles,
 };
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState};
@@ -151,6 +151,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         if self.as_they_come {
             mapper.push(ids, &mut self.due)?;
             let mut chosen = self.due.split_off(known);
+            self.mapped.extend_from_slice(&chosen);
             let scene = self.culler.scene();
             self.rule.retain_solid(scene, &mut chosen);
             select_occluders(scene, &self.view, &mut chosen, TriangleBudget(self.left / 2));
@@ -172,7 +173,15 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let start = self.clock.elapsed();
         let drawn = if self.as_they_come && !self.idle_while_waiting { self.due.len() } else { 0 };
         let scene = Arc::clone(self.culler.scene());
-        if !self.as_they_come || self.due.is_empty() {
+        if self.as_they_come {
+            self.mapped.sort_unstable();
+            if self.policy.is_useless(self.mapped.len(), self.received) {
+                let budget = TriangleBudget(self.left);
+                let mut large = OccluderPolicy::large(&scene, &self.view, &self.rule, budget);
+                large.retain(|id| !self.due.contains(id));
+                self.due.append(&mut large);
+            }
+        } else {
             self.policy.choose(&scene, &self.view, &self.rule, self.received, &mut self.due);
         }
         self.draw(drawn)?;
@@ -201,9 +210,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let scene = Arc::clone(self.culler.scene());
         let traversal = self.culler.traverse(&self.view, &self.rule, &self.device);
         let traversal = traversal.map_err(RoleError::of_culling::<D>)?;
-        // The paper's schedule has one round, like the paper.
-        let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
-        let mut rounds = Rounds::new(traversal, &self.mapped, &self.due, rule);
+        let mut rounds = Rounds::new(traversal, &self.mapped, &self.due, self.policy.rule());
         let (clock, mut drawing) = (self.clock, Duration::ZERO);
         let mut add_occluders = |test: &mut InPieces<'_, D>, ids: &[DrawableId]| {
             let start = clock.elapsed();

@@ -90,14 +90,31 @@ impl OccluderPolicy {
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
-        if self.replaces && due.len() * 2 <= received {
-            *due = LodCut::new(scene, view, rule).large_drawables(WIDEST);
-            rule.retain_solid(scene, due);
-            select_occluders(scene, view, due, self.budget);
+        if self.is_useless(due.len(), received) {
+            *due = Self::large(scene, view, rule, self.budget);
         } else {
             rule.retain_solid(scene, due);
             select_occluders(scene, view, due, self.budget.among(scene, due));
         }
+    }
+
+    /// Whether a last frame of `received` ids, of which that many were mapped, says little of this frame and is
+    /// replaced: it is the first one, or the camera has jumped.
+    pub(super) const fn is_useless(self, mapped: usize, received: usize) -> bool {
+        self.replaces && mapped * 2 <= received
+    }
+
+    /// The large nodes of the LOD cut, within `budget`.
+    pub(super) fn large(
+        scene: &Scene,
+        view: &View,
+        rule: &CutRule,
+        budget: TriangleBudget,
+    ) -> Vec<DrawableId> {
+        let mut large = LodCut::new(scene, view, rule).large_drawables(WIDEST);
+        rule.retain_solid(scene, &mut large);
+        select_occluders(scene, view, &mut large, budget);
+        large
     }
 
     /// The rule for further rounds of a frame.
