@@ -10,6 +10,7 @@
 //! - Trials that lose become rarer. What they cost more than other frames is at most a 32nd of all time,
 //!   beyond the first trial.
 //! - If the cost changes by half, another trial follows at once, and soon if the view state changes.
+//! - A frame for which the frustum would suddenly cost three times as much, by counts, is culled.
 
 use std::collections::VecDeque;
 
@@ -45,7 +46,8 @@ const WINS: usize = 2;
 const PART: u64 = 32;
 const SAVED: u64 = 8;
 /// A trial of the frustum is not drawn if it would cost this many times the last culled frame, by counts.
-/// Where counts decide, it is not if it would cost more at all.
+/// Where counts decide, it is not if it would cost more at all. Outside of a trial a frame is not drawn so if
+/// it would cost this many times the last one: after a jump, say.
 const TOO_DEAR: u64 = 3;
 
 /// The choice of a display, frame by frame. Costs are in nanoseconds.
@@ -63,8 +65,8 @@ pub(crate) struct CullingChoice {
     interval: u32,
     /// The cost that trials may still have; below 0 none begins.
     saved: i64,
-    /// The cost of the last culled frame by counts.
-    culled: Option<u64>,
+    /// The costs of the last frame of each mode, by counts.
+    counted: [Option<u64>; 2],
 }
 
 impl Default for CullingChoice {
@@ -78,7 +80,7 @@ impl Default for CullingChoice {
             wait: SOON,
             interval: SOON,
             saved: 0,
-            culled: None,
+            counted: [None; 2],
         }
     }
 }
@@ -92,15 +94,16 @@ impl CullingChoice {
     /// Whether a frame that was found by the frustum may be drawn so, if it costs `counted` by counts. If
     /// not, it is culled instead: a trial must not stop the picture for long.
     pub(crate) fn may_draw_frustum(&self, counted: u64, counts_decide: bool) -> bool {
-        let most = if counts_decide { 1 } else { TOO_DEAR };
-        let limit = self.culled.map(|culled| culled.saturating_mul(most));
-        self.mode == Mode::Frustum || limit.is_some_and(|limit| counted <= limit)
+        let most = if counts_decide && self.mode == Mode::Occlusion { 1 } else { TOO_DEAR };
+        let [culled, all] = self.counted;
+        let usual = if self.mode == Mode::Frustum { all } else { culled };
+        usual.is_some_and(|usual| counted <= usual.saturating_mul(most))
     }
 
     /// A frame was drawn in this `mode` at this `cost`, which is `counted` by counts.
     pub(crate) fn drawn(&mut self, mode: Mode, cost: u64, counted: u64) {
-        if mode == Mode::Occlusion {
-            self.culled = Some(counted);
+        if let Some(last) = self.counted.get_mut(mode as usize) {
+            *last = Some(counted);
         }
         match self.trial.take() {
             Some(trial) if mode != self.mode => self.tried(trial, cost),
@@ -108,6 +111,8 @@ impl CullingChoice {
                 self.lost();
                 self.settled(cost);
             }
+            // The frame was too dear to be drawn as usual, and so will be the next ones.
+            None if mode != self.mode => self.change([cost].into()),
             None => self.settled(cost),
         }
     }
@@ -130,12 +135,16 @@ impl CullingChoice {
         } else if trial.len() <= WINS {
             self.trial = Some(trial);
         } else {
-            self.mode = self.mode.other();
-            self.costs = trial.into_iter().skip(1).collect();
-            self.tried_at = self.median();
-            self.look_again();
-            self.wait = SOON;
+            self.change(trial.into_iter().skip(1).collect());
         }
+    }
+
+    /// The other mode from now on, whose last frames had these costs.
+    fn change(&mut self, costs: VecDeque<u64>) {
+        self.mode = self.mode.other();
+        self.costs = costs;
+        self.tried_at = self.median();
+        (self.interval, self.wait) = (SOON, SOON);
     }
 
     fn lost(&mut self) {
@@ -272,6 +281,23 @@ mod tests {
         assert!(choice.may_draw_frustum(100, true) && !choice.may_draw_frustum(101, true));
         choice.drawn(Mode::Occlusion, 70, 100);
         assert_eq!((choice.mode(), choice.wait), (Mode::Occlusion, 2 * SOON - 1));
+    }
+
+    /// The camera jumps to where a hundred times as much is in the frustum.
+    #[test]
+    fn a_frame_that_is_suddenly_too_dear_is_culled_and_the_frustum_is_tried_again_soon() {
+        let mut choice = CullingChoice::default();
+        play(&mut choice, &[[200, 100]; 2 * SOON as usize]);
+        assert_eq!(choice.mode(), Mode::Frustum);
+        for counts_decide in [false, true] {
+            assert!(choice.may_draw_frustum(300, counts_decide));
+            assert!(!choice.may_draw_frustum(301, counts_decide));
+        }
+        choice.drawn(Mode::Occlusion, 250, 250);
+        assert_eq!(choice.mode(), Mode::Occlusion);
+        let (_, modes) = play(&mut choice, &[[250, 240]; 2 * SOON as usize]);
+        assert!(modes[..SOON as usize].iter().all(|mode| *mode == Mode::Occlusion), "{modes:?}");
+        assert_eq!(modes.last(), Some(&Mode::Frustum));
     }
 
     #[test]
