@@ -45,10 +45,13 @@
 //! | [`scene_cache`] | cooked scenes of models that were viewed |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
+//! | [`audit`] | whether culling is exact on small scenes, the hard cases among them |
 //! | [`comparison`] | the systems to be compared with each other |
 //! | `window` | a display in a window of the system, with the feature `window` |
 //! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 
+#[cfg(feature = "lab")]
+pub mod audit;
 #[cfg(feature = "lab")]
 pub mod comparison;
 pub mod config;

@@ -9,6 +9,7 @@ mod common;
 mod addresses;
 mod causes;
 mod dissector;
+mod hard_cases;
 mod model;
 #[cfg(target_os = "linux")]
 mod netem;

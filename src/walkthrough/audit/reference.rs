@@ -1,8 +1,10 @@
 //! The references of frames without culling, with which all culling methods are compared.
 
-use trimaran_audit::metrics::{ImageRef, exactly_visible, exactly_visible_triangles, mismatching_pixels};
-use trimaran_cull::{Image, ImageDifference};
-use trimaran_gpu::ItemImage;
+use trimaran_audit::metrics::{
+    ImageRef, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
+};
+use trimaran_cull::{Image, ImageDifference, draw_order, lod_cut};
+use trimaran_gpu::{GpuError, ItemImage};
 use trimaran_proto::{Camera, DrawableId, ViewState};
 
 use crate::report::Frame;
@@ -111,6 +113,38 @@ impl Auditor {
         self.unculled(record.camera, &mut unculled)?;
         let pixels = mismatching_pixels(&ImageRef::of(&shown)?, &ImageRef::of(&unculled)?)?;
         Ok(CullingDifference { pixels, lost_nodes })
+    }
+
+    /// The LOD cut of a frame without culling, and the triangle at each pixel of it.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn unculled_items(&mut self, camera: Camera) -> Result<(Vec<DrawableId>, ItemImage), GpuError> {
+        let (view, rule) = self.redrawer.seen_from(&camera);
+        let mut cut = lod_cut(&self.redrawer.scene, &view, &rule);
+        draw_order(&self.redrawer.scene, &view, &mut cut);
+        let items = self.draw_items(&view, &rule, &cut)?;
+        Ok((cut, items))
+    }
+
+    /// Compares the triangle at each pixel of a drawn frame with that of the same frame without culling.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn triangle_difference(
+        &mut self,
+        unculled: &ItemImage,
+        record: &FrameRecord,
+    ) -> Result<CullingDifference, AuditError> {
+        let (view, rule) = self.redrawer.seen_from(&record.camera);
+        let shown = self.draw_items(&view, &rule, &record.ids)?;
+        let drawn: Vec<u32> = record.ids.iter().map(|id| id.0).collect();
+        let lost = false_culls(&items_of(unculled)?, &items_of(&shown)?, &drawn)?;
+        let pixels = (unculled.drawable.iter().zip(&unculled.triangle))
+            .zip(shown.drawable.iter().zip(&shown.triangle))
+            .filter(|(unculled, shown)| unculled != shown)
+            .count();
+        Ok(CullingDifference { pixels: pixels as u64, lost_nodes: lost.nodes.len() as u64 })
     }
 }
 

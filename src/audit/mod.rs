@@ -1,0 +1,13 @@
+//! Whether culling is exact on small scenes: a case of [`trimaran_audit::cases`] is walked by the roles of a
+//! session, as users have them, and each frame is compared with the same LOD cut without culling.
+//!
+//! [`CaseOnDevice`] walks a case on a Vulkan device, [`walk_reference`] on the f64 oracle. Both give the same
+//! [`Figures`].
+
+mod device;
+mod figures;
+mod oracle;
+
+pub use device::{CaseOnDevice, CaseWalkError, Way};
+pub use figures::Figures;
+pub use oracle::walk_reference;
