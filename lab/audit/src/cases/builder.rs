@@ -71,6 +71,13 @@ impl Mesh {
         mesh
     }
 
+    /// Adds another mesh.
+    pub fn append(&mut self, other: &Self) {
+        let first = self.positions.len() as u32;
+        self.positions.extend_from_slice(&other.positions);
+        self.indices.extend(other.indices.iter().map(|corner| first + corner));
+    }
+
     fn grid(&mut self, middle: Vec3, a: Vec3, b: Vec3, cuts: u32) {
         let first = self.positions.len() as u32;
         let at = |step: u32| 2.0 * step as f32 / cuts as f32 - 1.0;

@@ -3,10 +3,12 @@
 
 mod altered;
 mod builder;
+mod case;
 mod hard;
 mod plant;
 
 pub use altered::{with_halved_boxes, with_records};
 pub use builder::{Mesh, Object, build};
-pub use hard::{Case, CaseError, hard_cases, looking};
+pub use case::{Case, CaseError, looking, looking_past};
+pub use hard::hard_cases;
 pub use plant::{plant, plant_in_pieces, plant_views};
