@@ -1,6 +1,6 @@
 //! Walks on a Vulkan device, through the roles of a session.
 
-use std::sync::Arc;
+use std::{fmt, sync::Arc};
 
 use thiserror::Error;
 use tokio::runtime::Handle;
@@ -8,9 +8,11 @@ use trimaran_actors::{Cameras, LocalSession, SessionError, Stop};
 use trimaran_audit::cases::Case;
 use trimaran_cull::{LodRule, View};
 use trimaran_gpu::{Gpu, GpuError, GpuScene, ItemImage};
-use trimaran_proto::{Camera, FrameNumber, OcclusionTestKind, Settings, ViewState, ViewVersion, Viewport};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, OcclusionTestKind, Settings, ViewState, ViewVersion, Viewport,
+};
 
-use super::figures::{Figures, toggles};
+use super::figures::{Figures, outside, toggles};
 use crate::{
     comparison::System,
     culling::{Culling, CullingMethod},
@@ -53,6 +55,16 @@ impl Way {
     }
 }
 
+/// As `switch, query`; a system that has its own occlusion test alone.
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.system.culling() {
+            CullingMethod::Trimaran => write!(f, "{}, {}", self.system, self.occlusion_test),
+            _ => self.system.fmt(f),
+        }
+    }
+}
+
 /// Why a case was not walked.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -92,7 +104,7 @@ pub struct CaseOnDevice<'c> {
 
 /// A frame without culling.
 struct Truth {
-    cut: usize,
+    cut: Vec<DrawableId>,
     items: ItemImage,
 }
 
@@ -125,9 +137,13 @@ impl<'c> CaseOnDevice<'c> {
         for (record, truth) in records.iter().zip(truth.iter()) {
             let difference = auditor.triangle_difference(&truth.items, record)?;
             figures.add(record.camera.frame(), difference.pixels, difference.lost_nodes);
+            figures.outside_cut += outside(&record.ids, &truth.cut);
+            let is_background = |id: &&u32| **id == ItemImage::BACKGROUND;
+            figures.background += truth.items.drawable.iter().filter(is_background).count() as u64;
             figures.drawn += record.ids.len() as u64;
-            figures.whole += truth.cut as u64;
+            figures.whole += truth.cut.len() as u64;
         }
+        figures.latency_frames = latency_frames(&records);
         // A display that culls for itself now and then tries what costs less: to draw all.
         figures.toggles = (way.system.cullers() > 0).then(|| {
             let frames = self.case.views.iter().zip(records.iter().map(|record| record.ids.as_slice()));
@@ -149,7 +165,7 @@ impl<'c> CaseOnDevice<'c> {
         let cameras = cameras(&self.case.views, views);
         let truth = cameras.into_iter().map(|camera| {
             let (cut, items) = auditor.unculled_items(camera)?;
-            Ok(Truth { cut: cut.len(), items })
+            Ok(Truth { cut, items })
         });
         let truth = truth.collect::<Result<_, GpuError>>()?;
         let (_, truth) = self.truth.insert((rule, truth));
@@ -178,6 +194,15 @@ impl<'c> CaseOnDevice<'c> {
         session.run_with(cull, display, &mut cameras, &mut recorder, runtime, &stop)?;
         Ok(recorder.into_frames())
     }
+}
+
+/// The most frames that were shown while another one was culled, from its camera on.
+fn latency_frames(records: &[FrameRecord]) -> u32 {
+    let between = |(frame, record): (usize, &FrameRecord)| {
+        let before = records.get(..frame).unwrap_or_default().iter().rev();
+        before.take_while(|earlier| earlier.shown > record.published).count() as u32
+    };
+    records.iter().enumerate().map(between).max().unwrap_or(0)
 }
 
 fn settings(way: &Way, size: Viewport) -> Settings {

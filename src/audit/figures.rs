@@ -8,7 +8,7 @@ use trimaran_proto::{DrawableId, FrameNumber};
 /// How wrong a walk was, and how much it drew.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Figures {
-    /// How many frames were compared.
+    /// How many frames were compared, of all walks.
     pub frames: u32,
     /// Pixels that show another triangle than the LOD cut without culling does.
     pub wrong_pixels: u64,
@@ -17,6 +17,12 @@ pub struct Figures {
     /// Drawables that came or went between two frames of a camera that had stood still long enough. `None`
     /// for a system that changes its method while it walks.
     pub toggles: Option<u64>,
+    /// Drawables that were drawn, and are not of the frame's LOD cut.
+    pub outside_cut: u64,
+    /// Pixels at which nothing was drawn.
+    pub background: u64,
+    /// The most frames that were shown between the time when a frame's camera was published and its picture.
+    pub latency_frames: u32,
     /// The first frame with a wrong pixel or a lost drawable.
     pub first_wrong: Option<u32>,
     /// How many drawables were drawn, of all frames.
@@ -29,23 +35,23 @@ impl Figures {
     /// Whether culling lost nothing and changed no pixel.
     #[must_use]
     pub const fn is_exact(&self) -> bool {
-        self.wrong_pixels == 0 && self.lost_nodes == 0
+        self.wrong_pixels == 0 && self.lost_nodes == 0 && self.outside_cut == 0
     }
 
-    /// The sum of two walks.
+    /// The worse one of each figure.
     #[must_use]
-    pub fn and(self, other: Self) -> Self {
+    pub fn worse(self, other: Self) -> Self {
         Self {
             frames: self.frames + other.frames,
-            wrong_pixels: self.wrong_pixels + other.wrong_pixels,
-            lost_nodes: self.lost_nodes + other.lost_nodes,
-            toggles: match (self.toggles, other.toggles) {
-                (Some(own), Some(others)) => Some(own + others),
-                (own, others) => own.or(others),
-            },
+            wrong_pixels: self.wrong_pixels.max(other.wrong_pixels),
+            lost_nodes: self.lost_nodes.max(other.lost_nodes),
+            toggles: self.toggles.max(other.toggles),
+            outside_cut: self.outside_cut.max(other.outside_cut),
+            background: self.background.max(other.background),
+            latency_frames: self.latency_frames.max(other.latency_frames),
             first_wrong: self.first_wrong.or(other.first_wrong),
-            drawn: self.drawn + other.drawn,
-            whole: self.whole + other.whole,
+            drawn: self.drawn.max(other.drawn),
+            whole: self.whole.max(other.whole),
         }
     }
 
@@ -58,6 +64,12 @@ impl Figures {
             self.first_wrong = Some(frame.0);
         }
     }
+}
+
+/// How many of the drawn ones are not of the cut.
+pub(super) fn outside(drawn: &[DrawableId], cut: &[DrawableId]) -> u64 {
+    let cut: HashSet<_> = cut.iter().collect();
+    drawn.iter().filter(|id| !cut.contains(id)).count() as u64
 }
 
 /// The drawables that come or go between frames whose camera stands still, once it has stood for `settled`

@@ -6,8 +6,12 @@
 
 mod device;
 mod figures;
+mod hard;
 mod oracle;
+mod tables;
 
 pub use device::{CaseOnDevice, CaseWalkError, Way};
 pub use figures::Figures;
+pub use hard::{Cell, HardCases, MeasureError, Row, hard, hard_count};
 pub use oracle::walk_reference;
+pub use tables::table;

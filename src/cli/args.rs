@@ -2,6 +2,8 @@
 //! default.
 
 #[cfg(feature = "lab")]
+mod audit;
+#[cfg(feature = "lab")]
 mod compare;
 mod cullers;
 mod links;
@@ -15,6 +17,8 @@ mod walks;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+#[cfg(feature = "lab")]
+pub(crate) use audit::{AuditCommand, HardArgs};
 #[cfg(feature = "lab")]
 pub(crate) use compare::CompareArgs;
 pub(crate) use cullers::CullerArgs;
@@ -82,6 +86,10 @@ pub(crate) enum Command {
     /// Walk the same path with other systems, those of the paper among them: speed, what is drawn, error.
     #[cfg(feature = "lab")]
     Compare(CompareArgs),
+    /// Check culling on cases made for it.
+    #[cfg(feature = "lab")]
+    #[command(subcommand)]
+    Audit(AuditCommand),
     /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is
     /// bought.
     #[cfg(feature = "lab")]

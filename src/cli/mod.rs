@@ -6,6 +6,8 @@ mod terminal;
 
 mod address;
 mod args;
+#[cfg(feature = "lab")]
+mod audit;
 mod browser;
 #[cfg(feature = "lab")]
 mod compare;
@@ -60,7 +62,7 @@ pub(crate) fn main() -> ExitCode {
     // repeat the same warnings.
     let is_quiet = match &cli.command {
         #[cfg(feature = "lab")]
-        Command::Sim(_) | Command::Compare(_) => true,
+        Command::Sim(_) | Command::Compare(_) | Command::Audit(_) => true,
         Command::View(args) => args.window,
         _ => false,
     };
@@ -93,6 +95,8 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Sweep(args) => sweep::run(&args),
         #[cfg(feature = "lab")]
         Command::Compare(args) => compare::run(&args),
+        #[cfg(feature = "lab")]
+        Command::Audit(command) => audit::run(&command),
         #[cfg(feature = "lab")]
         Command::Sim(args) => sim::run(&args),
         #[cfg(all(feature = "lab", target_os = "linux"))]

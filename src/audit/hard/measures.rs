@@ -1,0 +1,193 @@
+//! What is measured of the hard cases besides walks.
+
+use trimaran_audit::{Placement, cases::Case, rasterize};
+use trimaran_cull::{LodRule, View};
+use trimaran_gpu::GpuScene;
+use trimaran_proto::{OcclusionTestKind, Settings};
+
+use super::{
+    gaps::{culled_gap, resolved_gap},
+    inputs::{equal_bounds, invalid_cameras, not_finite},
+    target::{MeasureError, Target, Walked, owners},
+};
+use crate::{
+    audit::Way,
+    comparison::System,
+    walkthrough::{Auditor, ViewStates},
+};
+
+/// A figure of its own.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Measure {
+    /// From which gap on an object behind a wall is culled.
+    CulledGap,
+    /// The smallest gap between two surfaces that depth resolves.
+    ResolvedGap,
+    /// Pixels of the pairs of plates that show the farther one.
+    WrongOrder,
+    /// Pixels that differ from those of the same scene at the origin.
+    UnlikeAtOrigin,
+    InvalidCameras,
+    NotFinite,
+    /// How far levels of detail move surfaces of a case.
+    Deviation(&'static str),
+    /// Pixels of a case that show the background.
+    Background(&'static str),
+    /// The delay of a case's pictures.
+    Latency(&'static str),
+    OutsideCut,
+    EqualBounds,
+}
+
+/// A figure with its unit, and whether it is as it should be. `None`: it is not measured there.
+pub(super) type Measured = Option<(String, bool)>;
+
+/// What a target is measured with.
+pub(super) struct Bench<'b> {
+    pub(super) target: &'b Target<'b>,
+    pub(super) rule: LodRule,
+    pub(super) cases: &'b [Case],
+    /// The walks of the cases, in their order.
+    pub(super) walked: &'b [Result<Walked, MeasureError>],
+}
+
+/// How many pixels the picture of the steady turn moves by between two frames.
+const TURN_PX: u32 = 8;
+
+impl Measure {
+    /// What it is, and what it should be.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::CulledGap => "smallest gap behind a wall that is culled, of the distance: at most 0.01",
+            Self::ResolvedGap => "smallest gap that depth resolves, of the distance: at most 1e-6",
+            Self::WrongOrder => "pixels that show the farther plate of a pair: 0",
+            Self::UnlikeAtOrigin => "pixels unlike those of the same plant at the origin: 0",
+            Self::InvalidCameras => "invalid cameras and pictures that are refused: all",
+            Self::NotFinite => "scenes with such numbers that are refused: all",
+            Self::Deviation(_) => "how far levels of detail move a surface: at most 2 px",
+            Self::Background(_) => "pixels of the closed dome that show the background: 0",
+            Self::Latency(_) => "frames shown between a camera and its picture: at most 4",
+            Self::OutsideCut => "drawables that were drawn outside of the frame's LOD cut, all cases: 0",
+            Self::EqualBounds => "cuts at bounds that equal an error, with each leaf covered once: all",
+        }
+    }
+
+    /// Measures it.
+    pub(super) fn of(self, bench: &Bench<'_>) -> Result<Measured, MeasureError> {
+        match self {
+            Self::CulledGap => culled_gap(bench),
+            Self::ResolvedGap => resolved_gap(bench),
+            Self::WrongOrder => wrong_order(bench),
+            Self::UnlikeAtOrigin => unlike_at_origin(bench),
+            Self::InvalidCameras => Ok(bench.once(invalid_cameras)),
+            Self::NotFinite => Ok(bench.once(not_finite)),
+            Self::Deviation(name) => deviation(bench, name),
+            Self::Background(name) => Ok(bench.walked(name).map(|walked| {
+                let pixels = walked.figures.background;
+                (format!("{pixels} px"), pixels == 0)
+            })),
+            Self::Latency(name) => Ok(bench.latency(name)),
+            Self::OutsideCut => {
+                let all = bench.walked.iter().flatten().map(|walked| walked.figures.outside_cut);
+                let outside: u64 = all.sum();
+                Ok(Some((format!("{outside} drawables"), outside == 0)))
+            }
+            Self::EqualBounds => {
+                let plant = bench.case("origin at 0").filter(|_| bench.is_oracle());
+                Ok(plant.map(equal_bounds))
+            }
+        }
+    }
+}
+
+impl Bench<'_> {
+    pub(super) const fn is_oracle(&self) -> bool {
+        matches!(self.target, Target::Oracle)
+    }
+
+    fn once(&self, measure: fn() -> (String, bool)) -> Measured {
+        self.is_oracle().then(measure)
+    }
+
+    fn case(&self, name: &str) -> Option<&Case> {
+        self.cases.iter().find(|case| case.name == name)
+    }
+
+    fn walked(&self, name: &str) -> Option<&Walked> {
+        let place = self.cases.iter().position(|case| case.name == name)?;
+        self.walked.get(place)?.as_ref().ok()
+    }
+
+    fn latency(&self, name: &str) -> Measured {
+        let frames = self.walked(name).filter(|_| !self.is_oracle())?.figures.latency_frames;
+        Some((format!("{frames} frames, {} px", frames * TURN_PX), frames <= 4))
+    }
+}
+
+/// One culler: enough where only what it draws matters.
+pub(super) fn one_culler(rule: LodRule) -> Vec<Way> {
+    let way = |occlusion_test| Way { system: System::Independent1, occlusion_test, rule };
+    OcclusionTestKind::ALL.into_iter().map(way).collect()
+}
+
+fn wrong_order(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
+    let Some(case) = bench.case("near plane at 1 mm, pairs up to 100 km away") else { return Ok(None) };
+    let mut wrong = 0;
+    for view in &case.views {
+        let shown = bench.target.owners(case, view, bench.rule)?;
+        let cut = trimaran_cull::lod_cut(&case.scene, view, bench.rule);
+        let exact = owners(&rasterize(&case.scene, view, cut, Placement::Exact));
+        // Two objects after each other are a pair.
+        let object = |id: trimaran_proto::DrawableId| {
+            let drawable = case.scene.drawables().get(id.index())?;
+            case.scene.nodes().get(drawable.node as usize).map(|node| node.object)
+        };
+        let partners = |(shown, exact): (&Option<_>, &Option<_>)| {
+            let (shown, exact) = (object((*shown)?)?, object((*exact)?)?);
+            (shown != exact && shown / 2 == exact / 2).then_some(())
+        };
+        wrong += shown.iter().zip(&exact).filter_map(partners).count();
+    }
+    Ok(Some((format!("{wrong} px"), wrong == 0)))
+}
+
+fn unlike_at_origin(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
+    let Some(here) = bench.case("origin at 0") else { return Ok(None) };
+    let mut unlike = 0;
+    for far in ["origin at 1e6", "origin at 1e7", "origin at 1e8"].iter().filter_map(|name| bench.case(name))
+    {
+        let mut pixels = 0;
+        for (there, view) in here.views.iter().zip(&far.views) {
+            let [a, b] =
+                [bench.target.owners(here, there, bench.rule)?, bench.target.owners(far, view, bench.rule)?];
+            pixels += a.iter().zip(&b).filter(|(a, b)| a != b).count();
+        }
+        unlike = unlike.max(pixels);
+    }
+    Ok(Some((format!("{unlike} px"), unlike == 0)))
+}
+
+fn deviation(bench: &Bench<'_>, name: &str) -> Result<Measured, MeasureError> {
+    let Some(case) = bench.case(name) else { return Ok(None) };
+    let Some(moved) = deviation_px(bench.target, case, bench.rule)? else { return Ok(None) };
+    Ok(Some((format!("{moved:.2} px"), moved <= bench.rule.epsilon_px())))
+}
+
+/// The largest distance by which levels of detail move a surface of a case, pixels. Every third frame is
+/// measured, on devices only.
+pub(super) fn deviation_px(
+    target: &Target<'_>,
+    case: &Case,
+    rule: LodRule,
+) -> Result<Option<f64>, MeasureError> {
+    let (Target::Device(gpu, _), Some(first)) = (target, case.views.first()) else { return Ok(None) };
+    let views = ViewStates::from(Settings::new(first.viewport(), rule));
+    let drawn = GpuScene::new(gpu, &case.scene)?;
+    let mut auditor = Auditor::new(&case.scene, &drawn, views)?;
+    let mut most = 0_f64;
+    for view in case.views.iter().step_by(3) {
+        let error = auditor.reference(*View::camera(view))?.error;
+        most = most.max(error.surface_max_px.unwrap_or(0.0)).max(error.silhouette_max_px.unwrap_or(0.0));
+    }
+    Ok(Some(most))
+}

@@ -1,0 +1,36 @@
+//! Checks of the program itself.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use trimaran::config::positive;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AuditCommand {
+    /// Walk the hard cases of culling in every system with every occlusion test, on the f64 oracle and on
+    /// every Vulkan device: wrong pixels, lost nodes, toggles. The exit code is 1 if a figure is wrong.
+    Hard(HardArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct HardArgs {
+    /// The Vulkan devices, by a part of their names [default: all that can be used].
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    pub(crate) device: Vec<String>,
+    /// The error bound of levels of detail, pixels.
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 2.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
+    pub(crate) epsilon: f64,
+    /// A page (Markdown) to write: the table, and how figures change with scale, offset, field of view, depth
+    /// and the picture's size.
+    #[arg(long, value_name = "FILE.md")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
