@@ -38,6 +38,12 @@ impl Figures {
         self.wrong_pixels == 0 && self.lost_nodes == 0 && self.outside_cut == 0
     }
 
+    /// Whether it is exact, and nothing toggled.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.is_exact() && self.toggles.unwrap_or(0) == 0
+    }
+
     /// The worse one of each figure.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {

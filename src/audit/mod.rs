@@ -4,14 +4,17 @@
 //! [`CaseOnDevice`] walks a case on a Vulkan device, [`walk_reference`] on the f64 oracle. Both give the same
 //! [`Figures`].
 
+mod depth_formats;
 mod device;
 mod figures;
 mod hard;
 mod oracle;
+mod stability;
 mod tables;
 
 pub use device::{CaseOnDevice, CaseWalkError, Way};
 pub use figures::Figures;
-pub use hard::{Cell, HardCases, MeasureError, Row, hard, hard_count};
+pub use hard::{Cell, Driver, HardCases, MeasureError, Row, hard, hard_count};
 pub use oracle::walk_reference;
-pub use tables::table;
+pub use stability::{Curve, Curves, Point};
+pub use tables::{page, table};

@@ -1,16 +1,22 @@
 //! The figures as tables.
 
-use super::hard::{Cell, HardCases, Row};
+use std::fmt::Write as _;
+
+use super::{
+    hard::{Cell, HardCases, Row},
+    stability::Curve,
+};
 use crate::report::text;
 
-const NONE: &str = "–";
+pub(super) const NONE: &str = "–";
 
 /// The hard cases as a table for a terminal.
 #[must_use]
 pub fn table(found: &HardCases) -> String {
-    let head: Vec<&str> = ["case", "#"].into_iter().chain(found.drivers.iter().map(String::as_str)).collect();
+    let head: Vec<&str> =
+        ["case", "#"].into_iter().chain(found.drivers.iter().map(|driver| driver.name.as_str())).collect();
     let row = |row: &Row| {
-        let about = [row.figure.to_owned(), row.number.to_string()];
+        let about = [row.figure.clone(), row.number.to_string()];
         about.into_iter().chain(row.cells.iter().map(|cell| cell_text(cell.as_ref()))).collect()
     };
     let rows: Vec<Vec<String>> = found.rows.iter().map(row).collect();
@@ -24,3 +30,115 @@ fn cell_text(cell: Option<&Cell>) -> String {
         Some(Cell { text, .. }) => format!("WRONG: {text}"),
     }
 }
+
+/// A page (Markdown) of the hard cases and the curves; `command` made it.
+#[must_use]
+pub fn page(found: &HardCases, curves: &[Curve], command: &str) -> String {
+    let drivers: String =
+        found.drivers.iter().map(|driver| format!("- **{}**: {}\n", driver.name, driver.about)).collect();
+    let ways = found.ways.iter().map(|way| format!("`{way}`")).collect::<Vec<_>>().join("; ");
+    let mut page = format!(
+        "{}\n{drivers}\nEach case is walked on each device in these systems, with these occlusion tests: {ways}.\n\n{HARD}\n",
+        INTRODUCTION.replace("COMMAND", command)
+    );
+    let mut head = vec!["#".to_owned(), "case or figure".to_owned()];
+    head.extend(found.drivers.iter().map(|driver| driver.name.clone()));
+    markdown(
+        &mut page,
+        &head,
+        &mut found.rows.iter().map(|row| {
+            let about = [row.number.to_string(), row.figure.clone()];
+            about.into_iter().chain(row.cells.iter().map(|cell| cell_text(cell.as_ref()))).collect()
+        }),
+    );
+    page += "\n### What tests show besides\n\n";
+    let mut last = 0;
+    for row in found.rows.iter().filter(|row| !row.tests.is_empty()) {
+        if std::mem::replace(&mut last, row.number) != row.number {
+            let tests = row.tests.iter().map(|test| format!("`{test}`")).collect::<Vec<_>>().join(", ");
+            let _ = writeln!(page, "- {}, {}: {tests}", row.number, row.difficulty);
+        }
+    }
+    page.push('\n');
+    page += CURVES;
+    for curve in curves {
+        let _ = write!(
+            page,
+            "\n### {}{}\n\n",
+            curve.of.get(..1).unwrap_or_default().to_uppercase(),
+            curve.of.get(1..).unwrap_or_default()
+        );
+        let mut head = vec![String::new()];
+        head.extend(curve.figures.iter().cloned());
+        let mut notes = Vec::new();
+        markdown(
+            &mut page,
+            &head,
+            &mut curve.points.iter().map(|point| {
+                let mut row = vec![point.at.clone()];
+                match &point.figures {
+                    Ok(figures) => row.extend(figures.iter().cloned()),
+                    Err(refused) => {
+                        row.push("refused".to_owned());
+                        row.resize(head.len(), NONE.to_owned());
+                        notes.push(format!("{}: {refused}", point.at));
+                    }
+                }
+                notes.extend(point.notes.iter().map(|note| format!("{}: {note}", point.at)));
+                row
+            }),
+        );
+        if !notes.is_empty() {
+            page += "\nRefusals, in the words of the program:\n\n";
+            notes.iter().for_each(|note| page += &format!("- {note}\n"));
+        }
+    }
+    page
+}
+
+fn markdown(page: &mut String, head: &[String], rows: &mut dyn Iterator<Item = Vec<String>>) {
+    let mut line = |cells: &[String]| {
+        let _ = writeln!(page, "| {} |", cells.join(" | "));
+    };
+    line(head);
+    line(&vec!["---".to_owned(); head.len()]);
+    rows.for_each(|row| line(&row));
+}
+
+const INTRODUCTION: &str = "\
+# Where culling stays exact, and where the program refuses
+
+This page is for those who doubt that culling changes no pixel, or whose model is very large, very small or far
+from the origin. This command made it, and its exit code is 1 if any figure is wrong:
+
+```sh
+COMMAND
+```
+
+It measures on:
+";
+
+const HARD: &str = "\
+## The hard cases
+
+Twenty-three numerical difficulties are known to break occlusion culling. Each is a small scene and a camera path
+in `lab/audit/src/cases`, or a figure of its own. A cell is the worst of all systems and occlusion tests: pixels
+that show another triangle than the same frame without culling, and visible nodes that were not drawn. Where the
+camera stands still, nodes that come and go would be counted as toggles.
+
+Rays are left out: a ray and a rasterizer may differ at the edge of a triangle. A display without cullers now and
+then draws all that is in sight to find out whether that costs less, so its toggles are not counted.
+";
+
+const CURVES: &str = "\
+## Limits
+
+A plant of 120 objects is walked with one property taken to its limits, by two cullers with each occlusion test.
+Figures, all frames together:
+
+- *wrong pixels*: as above, with lost nodes added;
+- *toggles*: nodes that come or go while the camera stands still;
+- *deviation*: the largest distance by which levels of detail move a surface, at an error bound of 16 pixels;
+- *unlike*: pixels of a third of the frames that show another drawable than the usual plant does. These are no
+  error of culling: positions are rounded, and culled and unculled pictures round alike.
+";

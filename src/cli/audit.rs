@@ -1,15 +1,15 @@
 //! `trimaran audit`: checks of culling on cases made for it.
 
-use std::{collections::BTreeSet, sync::Arc};
+use std::{collections::BTreeSet, fs, sync::Arc};
 
-use trimaran::audit::{hard, hard_count, table};
+use trimaran::audit::{Curves, hard, hard_count, page, table};
 use trimaran_cull::LodRule;
 use trimaran_gpu::{Gpu, GpuOptions};
 
 use super::{
     Failure,
     args::{AuditCommand, HardArgs},
-    print_json, progress,
+    output, print_json, progress,
     walking::{gpu_options, runtime},
 };
 
@@ -20,19 +20,36 @@ pub(super) fn run(command: &AuditCommand) -> Result<(), Failure> {
 }
 
 fn run_hard(args: &HardArgs) -> Result<(), Failure> {
+    if let Some(path) = &args.out {
+        output::check(path, &output::AUDIT, &[]).map_err(Failure::bad_input)?;
+    }
     let devices = devices(&args.device)?;
     let rule = LodRule::new(args.epsilon).map_err(Failure::bad_input)?;
     let runtime = runtime()?;
-    let count = hard_count().map_err(Failure::broken)? * (1 + devices.len());
-    let bar = progress::bar("auditing", count as u64);
-    let found = hard(&devices, rule, runtime.handle(), &|| bar.inc(1)).map_err(Failure::broken)?;
+    let cases = (hard_count().map_err(Failure::broken)? * (1 + devices.len())) as u64;
+    let bar = progress::bar("auditing", cases + args.out.as_ref().map_or(0, |_| Curves::POINTS));
+    let done = || bar.inc(1);
+    let found = hard(&devices, rule, runtime.handle(), &done).map_err(Failure::broken)?;
+    let mut curves = Vec::new();
+    if let Some(path) = &args.out {
+        let measured = Curves { devices: &devices, rule, runtime: runtime.handle(), done: &done };
+        curves = measured.all();
+        let command = format!("trimaran audit hard --out {}", path.display());
+        fs::write(path, page(&found, &curves, &command))
+            .map_err(|cause| Failure::broken(format!("cannot write to {}: {cause}", path.display())))?;
+    }
     bar.finish_and_clear();
+    let holds = found.hold() && curves.iter().flat_map(|curve| &curve.points).all(|point| point.holds);
     if args.json {
-        print_json(&found)?;
+        print_json(&serde_json::json!({ "holds": holds, "hard": found, "curves": curves }))?;
     } else {
         print!("{}", table(&found));
     }
-    if found.hold() { Ok(()) } else { Err(Failure::broken("a figure of a hard case is wrong; see above")) }
+    let wrong = curves.iter().flat_map(|curve| curve.points.iter().map(move |point| (curve, point)));
+    for (curve, point) in wrong.filter(|(_, point)| !point.holds) {
+        eprintln!("trimaran: {} at {}: {:?}", curve.of, point.at, point.figures);
+    }
+    if holds { Ok(()) } else { Err(Failure::broken("a figure is wrong; see above")) }
 }
 
 /// The devices with these names; all that can be used without any.

@@ -40,6 +40,11 @@ pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_sce
 #[cfg(feature = "lab")]
 pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };
 
+/// Pages of `trimaran audit`.
+#[cfg(feature = "lab")]
+pub(super) const AUDIT: Kind =
+    Kind { name: "page of an audit", begins: |bytes| bytes.starts_with(b"# Where culling ") };
+
 /// Enough first bytes to tell a file's kind.
 const HEAD: u64 = 16;
 

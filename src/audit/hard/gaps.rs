@@ -1,17 +1,21 @@
 //! How close two surfaces may be.
 
 use glam::{DVec3, Vec3};
-use trimaran_audit::cases::{Case, CaseError, Mesh, Object, build, looking};
-use trimaran_cull::Viewport;
-use trimaran_proto::DrawableId;
+use trimaran_audit::cases::{Case, CaseError, Mesh, Object, build, looking_past};
+use trimaran_cull::{LodRule, Viewport};
+use trimaran_proto::{DrawableId, OcclusionTestKind};
 
 use super::{
-    measures::{Bench, Measured, one_culler},
-    target::MeasureError,
+    measures::{Bench, Measured},
+    target::{MeasureError, Target},
 };
+use crate::{audit::Way, comparison::System};
+
+/// The near plane, metres.
+const NEAR: f32 = 0.01;
 
 /// A wall across the view at `distance` metres, and a plate behind it, farther by `gap` of the distance.
-fn pair(distance: f64, gap: f64, plate: f64, frames: u32) -> Result<Case, CaseError> {
+fn pair(near: f32, distance: f64, gap: f64, plate: f64, frames: u32) -> Result<Case, CaseError> {
     let rectangle = |half: f64, y: f64| {
         let half = (half * distance) as f32;
         let mesh = Mesh::rectangle(Vec3::ZERO, Vec3::X * half, Vec3::Z * half, 1);
@@ -19,16 +23,8 @@ fn pair(distance: f64, gap: f64, plate: f64, frames: u32) -> Result<Case, CaseEr
     };
     let scene = build(&[rectangle(2.0, 1.0), rectangle(plate, 1.0 + gap)], false)?;
     let size = Viewport::new(32, 24)?;
-    let view = looking(DVec3::ZERO, DVec3::Y, 60.0, size, 0)?;
+    let view = looking_past(near, DVec3::ZERO, DVec3::Y, 60.0, size, 0)?;
     Ok(Case { name: "pair", scene: scene.into(), views: vec![view; frames as usize] })
-}
-
-/// The gap, as it is printed, and whether it is small enough.
-fn shown(gap: Option<f64>, most: f64) -> Measured {
-    Some(match gap {
-        Some(gap) => (format!("{gap:.0e} of the distance"), gap <= most),
-        None => ("none".to_owned(), false),
-    })
 }
 
 /// The largest of the smallest gaps at the distances, of those gaps from small to large that satisfy.
@@ -51,38 +47,81 @@ fn smallest(
     Ok(largest)
 }
 
-/// From which gap on a plate behind a wall is culled, by each occlusion test, at 1 m to 1,000 km.
+/// From which gap on a plate behind a wall is culled, at 1 m to 1,000 km: by boxes that are rasterized, of the
+/// distance; by a depth pyramid, which takes boxes to be nearer by half a pixel, in widths of a pixel.
 pub(super) fn culled_gap(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
-    let gaps: Vec<f64> = (1..=7).rev().map(|power| 10_f64.powi(-power)).collect();
-    let distances = [0, 2, 4, 6].into_iter().map(|power| 10_f64.powi(power));
-    let gap = smallest(distances, &gaps, |distance, gap| {
-        let case = pair(distance, gap, 0.06, 6)?;
-        for way in one_culler(bench.rule) {
-            let figures = bench.target.walk(&case, &[way], bench.rule)?.figures;
-            if figures.drawn == figures.whole {
-                return Ok(false);
+    use OcclusionTestKind::{Hzb, Query, Raster};
+    const MOST: f64 = 1e-4;
+    const MOST_PX: f64 = 0.75;
+    let pixel = 2.0 * 30_f64.to_radians().tan() / 24.0;
+    let gap = |gaps: &[f64], tests: &[OcclusionTestKind]| {
+        let distances = [0, 2, 4, 6].into_iter().map(|power| 10_f64.powi(power));
+        smallest(distances, gaps, |distance, gap| {
+            let case = pair(NEAR, distance, gap, 0.06, 6)?;
+            for test in tests {
+                if bench.target.culled(&case, *test, bench.rule)? == 0 {
+                    return Ok(false);
+                }
             }
+            Ok(true)
+        })
+    };
+    let powers: Vec<f64> = (1..=7).rev().map(|power| 10_f64.powi(-power)).collect();
+    let pixels: Vec<f64> = (1..=16).map(|quarters| f64::from(quarters) * 0.25 * pixel).collect();
+    let (drawn, pyramid) = (gap(&powers, &[Query, Raster])?, gap(&pixels, &[Hzb])?);
+    Ok(Some(match drawn.zip(pyramid) {
+        Some((drawn, pyramid)) => {
+            let px = pyramid / pixel;
+            (format!("{drawn:.0e} of it; hzb {px:.2} px"), drawn <= MOST && px <= MOST_PX)
         }
-        Ok(true)
-    })?;
-    Ok(shown(gap, 0.01))
+        None => ("none".to_owned(), false),
+    }))
 }
 
-/// The smallest gap at which the nearer of two surfaces shows at each pixel, though it is drawn first, at
-/// 0.1 m to 10,000 km.
+/// The smallest gap that is resolved at 0.1 m to 10,000 km, of the distance.
 pub(super) fn resolved_gap(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
-    let gaps: Vec<f64> = (16..=25).rev().map(|power| 0.5_f64.powi(power)).collect();
-    let distances = (-1..=7).map(|power| 10_f64.powi(power));
-    let gap = smallest(distances, &gaps, |distance, gap| {
-        let case = pair(distance, gap, 2.0, 1)?;
-        let Some(view) = case.views.first() else { return Ok(false) };
-        let owners = bench.target.owners(&case, view, bench.rule)?;
+    let mut largest = Some(0.0_f64);
+    for distance in (-1..=7).map(|power| 10_f64.powi(power)) {
+        let found = resolved(bench.target, NEAR, distance, bench.rule)?;
+        largest = largest.zip(found).map(|(largest, found)| largest.max(found));
+    }
+    Ok(Some(largest.map_or(("none".to_owned(), false), |gap| (format!("{gap:.0e} of it"), gap <= 1e-6))))
+}
+
+/// The smallest gap at which the nearer of two surfaces shows at each pixel, though it is drawn first, of
+/// their distance.
+fn resolved(
+    target: &Target<'_>,
+    near: f32,
+    distance: f64,
+    rule: LodRule,
+) -> Result<Option<f64>, MeasureError> {
+    for gap in (1..=25).rev().map(|power| 0.5_f64.powi(power)) {
+        let case = pair(near, distance, gap, 2.0, 1)?;
+        let Some(view) = case.views.first() else { return Ok(None) };
+        let owners = target.owners(&case, view, rule)?;
         let nearer = |owner: &Option<DrawableId>| {
             let drawable = owner.and_then(|id| case.scene.drawables().get(id.index()));
             let node = drawable.and_then(|drawable| case.scene.nodes().get(drawable.node as usize));
             node.is_some_and(|node| node.object == 0)
         };
-        Ok(owners.iter().all(nearer))
-    })?;
-    Ok(shown(gap, 1e-6))
+        if owners.iter().all(nearer) {
+            return Ok(Some(gap));
+        }
+    }
+    Ok(None)
+}
+
+/// The smallest gap that is resolved, and how many pixels are wrong where a plate is a tenth of the distance
+/// behind a wall.
+pub(in crate::audit) fn depth_at(
+    target: &Target<'_>,
+    near: f32,
+    distance: f64,
+    rule: LodRule,
+) -> Result<(Option<f64>, u64), MeasureError> {
+    let way = |occlusion_test| Way { system: System::Independent1, occlusion_test, rule };
+    let case = pair(near, distance, 0.1, 0.06, 4)?;
+    let walked = target.walk(&case, &OcclusionTestKind::ALL.map(way), rule)?.worst();
+    Ok((resolved(target, near, distance, rule)?, walked.wrong_pixels + walked.lost_nodes))
 }

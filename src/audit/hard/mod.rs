@@ -17,11 +17,14 @@ use trimaran_gpu::Gpu;
 use self::{
     measures::{Bench, Measure, Measured},
     rows::{DIFFICULTIES, Difficulty},
-    target::{Target, Walked},
+    target::Walked,
 };
 use super::{Figures, Way};
 
+pub(super) use gaps::depth_at;
+pub(super) use measures::deviation_px;
 pub use target::MeasureError;
+pub(super) use target::Target;
 
 /// One figure on one driver.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -42,18 +45,34 @@ pub struct Row {
     /// The difficulty.
     pub difficulty: &'static str,
     /// The case, or what was measured.
-    pub figure: &'static str,
+    pub figure: String,
     /// The f64 oracle's figure, and that of each device. `None` where nothing is to be measured.
     pub cells: Vec<Option<Cell>>,
     /// Tests that show the same, or what this command cannot run.
     pub tests: &'static [&'static str],
 }
 
+/// What was measured on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Driver {
+    /// Its short name.
+    pub name: String,
+    /// Its full name, and the driver's version.
+    pub about: String,
+}
+
+impl Driver {
+    fn oracle() -> Self {
+        let about = "a rasterizer in f64, by the rules of the Vulkan specification".to_owned();
+        Self { name: "f64 oracle".to_owned(), about }
+    }
+}
+
 /// The figures of all hard cases.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HardCases {
-    /// The f64 oracle, and the devices with their drivers.
-    pub drivers: Vec<String>,
+    /// The f64 oracle, and the devices.
+    pub drivers: Vec<Driver>,
     /// The error bound of the levels of detail, pixels.
     pub epsilon_px: f64,
     /// The systems with their occlusion tests that were walked on each device.
@@ -102,19 +121,30 @@ pub fn hard(
         number: difficulty.number,
         difficulty: difficulty.name,
         figure: match figure {
-            Figure::Walk(case) => case,
-            Figure::Measure(measure) => measure.name(),
+            Figure::Walk(case) => case.to_owned(),
+            Figure::Measure(measure) => match measure.case() {
+                Some(case) => format!("{case}: {}", measure.name()),
+                None => measure.name().to_owned(),
+            },
         },
         cells: of_row(row),
         tests: difficulty.tests,
     });
-    let driver = |gpu: &Arc<Gpu>| format!("{} ({})", gpu.info().name, gpu.info().driver);
+    let driver = |gpu: &Arc<Gpu>| {
+        let about = format!("{}, {}", gpu.info().name, gpu.info().driver.trim());
+        Driver { name: short_name(gpu), about }
+    };
     Ok(HardCases {
-        drivers: std::iter::once("f64 oracle".to_owned()).chain(devices.iter().map(driver)).collect(),
+        drivers: std::iter::once(Driver::oracle()).chain(devices.iter().map(driver)).collect(),
         epsilon_px: rule.epsilon_px(),
         ways: ways.iter().map(ToString::to_string).collect(),
         rows: rows.collect(),
     })
+}
+
+/// A device's name without its version.
+pub(super) fn short_name(gpu: &Arc<Gpu>) -> String {
+    gpu.info().name.split('(').next().unwrap_or_default().trim().to_owned()
 }
 
 /// How many cases are walked on each target.
@@ -178,23 +208,20 @@ fn measured_cell(measured: Result<Measured, MeasureError>) -> Option<Cell> {
 }
 
 fn walked_cell(walked: &Result<Walked, MeasureError>) -> Cell {
-    let Walked { figures, worst } = match walked {
+    let walked = match walked {
         Ok(walked) => walked,
         Err(error) => return failed(error),
     };
-    let toggles = figures.toggles.unwrap_or(0);
+    let figures = walked.worst();
     let mut text = format!("{} px, {} nodes", figures.wrong_pixels, figures.lost_nodes);
-    if toggles > 0 {
+    if let Some(toggles) = figures.toggles.filter(|toggles| *toggles > 0) {
         text += &format!(", {toggles} toggles");
     }
-    if let Some(way) = worst {
-        text += &format!(" ({way}");
-        if let Some(frame) = figures.first_wrong {
-            text += &format!(", frame {frame}");
-        }
-        text += ")";
+    if let Some((way, wrong)) = walked.wrong() {
+        let frame = wrong.first_wrong.map(|frame| format!(", frame {frame}")).unwrap_or_default();
+        text += &format!(" ({way}{frame})");
     }
-    Cell { text, holds: figures.is_exact() && toggles == 0, figures: Some(*figures) }
+    Cell { text, holds: figures.holds(), figures: Some(figures) }
 }
 
 #[cfg(test)]

@@ -11,15 +11,16 @@ use trimaran_audit::{
 };
 use trimaran_cull::{LodRule, View, draw_order, lod_cut};
 use trimaran_gpu::{Gpu, GpuError, GpuScene, ItemImage, ItemPass};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{DrawableId, OcclusionTestKind};
 
 use crate::{
     audit::{CaseOnDevice, CaseWalkError, Figures, Way, walk_reference},
+    comparison::System,
     walkthrough::AuditError,
 };
 
 /// What cases are walked on.
-pub(super) enum Target<'t> {
+pub(in crate::audit) enum Target<'t> {
     Oracle,
     Device(&'t Arc<Gpu>, &'t Handle),
 }
@@ -64,46 +65,79 @@ impl MeasureError {
     }
 }
 
-/// A walk's figures, and the way that was worst if it was not exact.
-pub(super) struct Walked {
-    pub(super) figures: Figures,
-    pub(super) worst: Option<String>,
+/// The figures of a case, walked in some ways.
+pub(in crate::audit) struct Walked(Vec<(String, u8, Figures)>);
+
+impl Walked {
+    /// The worst of each figure.
+    pub(in crate::audit) fn worst(&self) -> Figures {
+        self.0.iter().map(|(.., figures)| *figures).reduce(Figures::worse).unwrap_or_default()
+    }
+
+    /// The first way that was not exact, or in which something toggled.
+    pub(super) fn wrong(&self) -> Option<(&str, &Figures)> {
+        let wrong = |(_, _, figures): &&(String, u8, Figures)| !figures.holds();
+        self.0.iter().find(wrong).map(|(way, _, figures)| (way.as_str(), figures))
+    }
+
+    /// The number of cullers and the figures of each way.
+    pub(super) fn by_cullers(&self) -> impl Iterator<Item = (u8, &Figures)> {
+        self.0.iter().map(|(_, cullers, figures)| (*cullers, figures))
+    }
 }
 
 impl Target<'_> {
-    /// The worst figures of all the ways to walk a case.
-    pub(super) fn walk(&self, case: &Case, ways: &[Way], rule: LodRule) -> Result<Walked, MeasureError> {
-        let mut walked = Walked { figures: Figures::default(), worst: None };
-        let mut add = |name: &dyn Fn() -> String, figures: Figures| {
-            if walked.worst.is_none() && !(figures.is_exact() && figures.toggles.unwrap_or(0) == 0) {
-                walked.worst = Some(name());
-            }
-            walked.figures = walked.figures.worse(figures);
-        };
+    /// Walks a case in all these ways; the oracle, which has one culler, with each of its occlusion tests.
+    pub(in crate::audit) fn walk(
+        &self,
+        case: &Case,
+        ways: &[Way],
+        rule: LodRule,
+    ) -> Result<Walked, MeasureError> {
+        let mut walked = Vec::with_capacity(ways.len());
         match self {
             Self::Oracle => {
                 for testing in [Testing::Rasterized, Testing::Pyramid] {
-                    add(&|| format!("{testing:?}").to_lowercase(), walk_reference(case, testing, rule)?);
+                    let name = format!("{testing:?}").to_lowercase();
+                    walked.push((name, 1, walk_reference(case, testing, rule)?));
                 }
             }
             Self::Device(gpu, runtime) => {
                 let mut on_device = CaseOnDevice::new(case, gpu, runtime)?;
                 for way in ways {
-                    let name = || way.to_string();
-                    let figures = on_device.walk(way);
-                    add(
-                        &name,
-                        figures.map_err(|cause| MeasureError::Walk { way: name(), source: cause.into() })?,
-                    );
+                    let failed = |cause: CaseWalkError| MeasureError::Walk {
+                        way: way.to_string(),
+                        source: cause.into(),
+                    };
+                    let figures = on_device.walk(way).map_err(failed)?;
+                    walked.push((way.to_string(), way.system.cullers(), figures));
                 }
             }
         }
-        Ok(walked)
+        Ok(Walked(walked))
+    }
+
+    /// How many drawables of a still case one culler does not draw, in all frames together.
+    pub(super) fn culled(
+        &self,
+        case: &Case,
+        occlusion_test: OcclusionTestKind,
+        rule: LodRule,
+    ) -> Result<u64, MeasureError> {
+        let figures = match (self, occlusion_test) {
+            (Self::Oracle, OcclusionTestKind::Hzb) => walk_reference(case, Testing::Pyramid, rule)?,
+            (Self::Oracle, _) => walk_reference(case, Testing::Rasterized, rule)?,
+            (Self::Device(..), _) => {
+                let way = Way { system: System::Independent1, occlusion_test, rule };
+                self.walk(case, &[way], rule)?.worst()
+            }
+        };
+        Ok(figures.whole.saturating_sub(figures.drawn))
     }
 
     /// The drawable at each pixel of the LOD cut of a view, without culling, drawn from the farthest to the
     /// nearest: of two at the same depth the wrong one shows.
-    pub(super) fn owners(
+    pub(in crate::audit) fn owners(
         &self,
         case: &Case,
         view: &View,

@@ -11,4 +11,4 @@ pub use altered::{with_halved_boxes, with_records};
 pub use builder::{Mesh, Object, build};
 pub use case::{Case, CaseError, looking, looking_past};
 pub use hard::hard_cases;
-pub use plant::{plant, plant_in_pieces, plant_views};
+pub use plant::{PlantCase, plant, plant_in_pieces, plant_views};

@@ -8,6 +8,7 @@ use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{Scene, SceneError, random::Random};
 
 use super::builder::{Mesh, Object, build};
+use super::case::{Case, CaseError};
 
 /// Rooms side by side with walls, decks, pipes, vessels and crates in them: about `objects` objects about
 /// `origin`, z up, four metres a storey. Walls and decks hide most of it from anywhere inside.
@@ -28,6 +29,16 @@ pub fn plant_in_pieces(
     origin: DVec3,
     most: usize,
 ) -> Result<Arc<Scene>, SceneError> {
+    let mut made = objects_of(seed, objects);
+    for object in &mut made {
+        object.origin += origin;
+        object.most = most;
+    }
+    build(&made, true).map(Arc::new)
+}
+
+/// The objects of a plant about the origin.
+fn objects_of(seed: u64, objects: usize) -> Vec<Object> {
     let mut random = Random::new(seed);
     let rooms = rooms_across(objects);
     let mut made = Vec::with_capacity(objects);
@@ -46,11 +57,7 @@ pub fn plant_in_pieces(
         }
     }
     made.truncate(objects.max(1));
-    for object in &mut made {
-        object.origin += origin;
-        object.most = most;
-    }
-    build(&made, true).map(Arc::new)
+    made
 }
 
 const OBJECTS_IN_A_ROOM: usize = 12;
@@ -109,30 +116,87 @@ pub fn plant_views(
     viewport: Viewport,
     count: u32,
 ) -> Result<Vec<View>, CameraError> {
-    let mut random = Random::new(seed);
-    let size = 4.0 * rooms_across(objects) as f64;
-    let mut eye = DVec3::ZERO;
-    let mut heading = 0.0;
-    (0..count)
-        .map(|frame| {
-            if frame % 13 == 0 {
-                eye = random.point(DVec3::splat(0.3), DVec3::splat(size - 0.3));
-                heading = random.between(0.0, std::f64::consts::TAU);
-            }
-            heading += random.between(-0.15, 0.15);
-            let step = DVec3::new(-heading.sin(), heading.cos(), random.between(-0.3, 0.3)) * 0.15;
-            eye = (eye + step).clamp(DVec3::splat(0.3), DVec3::splat(size - 0.3));
-            // z up: turn the camera's -z to the horizon first.
-            let level = DQuat::from_mat3(&DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y));
-            let orientation = DQuat::from_rotation_z(heading) * level;
-            let camera = Camera::new(
-                (on_grid(eye) + origin).to_array(),
-                orientation.normalize().to_array(),
-                0.577,
-                0.05,
-                FrameNumber(frame),
-            )?;
-            Ok(View::new(camera, viewport))
-        })
-        .collect()
+    let usual = PlantCase { origin, viewport, ..PlantCase::default() };
+    usual.path(seed, objects, count)
+}
+
+/// A plant of 120 objects and a path through it, of which one property is taken to its limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlantCase {
+    /// Where it is, metres.
+    pub origin: DVec3,
+    /// How many times as large as usual: the near plane's distance as well.
+    pub scale: f64,
+    /// The tangent of half the vertical field of view.
+    pub tan_half_fov_y: f32,
+    /// The picture's size.
+    pub viewport: Viewport,
+    /// How many frames move, and how many stand still after them.
+    pub frames: (u32, u32),
+}
+
+impl Default for PlantCase {
+    /// 60 degrees high.
+    fn default() -> Self {
+        Self {
+            origin: DVec3::ZERO,
+            scale: 1.0,
+            tan_half_fov_y: 0.577,
+            viewport: Viewport::new(96, 80).unwrap_or(Viewport::LARGEST),
+            frames: (10, 8),
+        }
+    }
+}
+
+impl PlantCase {
+    const SEED: u64 = 6;
+    const OBJECTS: usize = 120;
+
+    /// The scene and the views.
+    ///
+    /// # Errors
+    /// If a camera is out of range, or the scene.
+    pub fn case(&self, name: &'static str) -> Result<Case, CaseError> {
+        let mut objects = objects_of(Self::SEED, Self::OBJECTS);
+        for object in &mut objects {
+            object.origin = object.origin * self.scale + self.origin;
+            object.linear *= self.scale as f32;
+        }
+        let (moving, still) = self.frames;
+        let mut views = self.path(Self::SEED, Self::OBJECTS, moving)?;
+        if let Some(last) = views.last().copied() {
+            views.extend((0..still).map(|_| last));
+        }
+        Ok(Case { name, scene: Arc::new(build(&objects, true)?), views })
+    }
+
+    fn path(&self, seed: u64, objects: usize, count: u32) -> Result<Vec<View>, CameraError> {
+        let Self { origin, scale, tan_half_fov_y, viewport, .. } = *self;
+        let mut random = Random::new(seed);
+        let size = 4.0 * rooms_across(objects) as f64;
+        let mut eye = DVec3::ZERO;
+        let mut heading = 0.0;
+        (0..count)
+            .map(|frame| {
+                if frame % 13 == 0 {
+                    eye = random.point(DVec3::splat(0.3), DVec3::splat(size - 0.3));
+                    heading = random.between(0.0, std::f64::consts::TAU);
+                }
+                heading += random.between(-0.15, 0.15);
+                let step = DVec3::new(-heading.sin(), heading.cos(), random.between(-0.3, 0.3)) * 0.15;
+                eye = (eye + step).clamp(DVec3::splat(0.3), DVec3::splat(size - 0.3));
+                // z up: turn the camera's -z to the horizon first.
+                let level = DQuat::from_mat3(&DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y));
+                let orientation = DQuat::from_rotation_z(heading) * level;
+                let camera = Camera::new(
+                    (on_grid(eye) * scale + origin).to_array(),
+                    orientation.normalize().to_array(),
+                    tan_half_fov_y,
+                    (0.05 * scale) as f32,
+                    FrameNumber(frame),
+                )?;
+                Ok(View::new(camera, viewport))
+            })
+            .collect()
+    }
 }
