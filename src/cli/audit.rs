@@ -26,10 +26,10 @@ fn run_hard(args: &HardArgs) -> Result<(), Failure> {
     let devices = devices(&args.device)?;
     let rule = LodRule::new(args.epsilon).map_err(Failure::bad_input)?;
     let runtime = runtime()?;
-    let cases = (hard_count().map_err(Failure::broken)? * (1 + devices.len())) as u64;
+    let cases = (hard_count(&args.only) * (1 + devices.len())) as u64;
     let bar = progress::bar("auditing", cases + args.out.as_ref().map_or(0, |_| Curves::POINTS));
     let done = || bar.inc(1);
-    let found = hard(&devices, rule, runtime.handle(), &done).map_err(Failure::broken)?;
+    let found = hard(&args.only, &devices, rule, runtime.handle(), &done).map_err(Failure::broken)?;
     let mut curves = Vec::new();
     if let Some(path) = &args.out {
         let measured = Curves { devices: &devices, rule, runtime: runtime.handle(), done: &done };

@@ -45,8 +45,8 @@ pub(super) struct Bench<'b> {
     pub(super) target: &'b Target<'b>,
     pub(super) rule: LodRule,
     pub(super) cases: &'b [Case],
-    /// The walks of the cases, in their order.
-    pub(super) walked: &'b [Result<Walked, MeasureError>],
+    /// The walks, by the names of their cases.
+    pub(super) walked: &'b BTreeMap<&'static str, Result<Walked, MeasureError>>,
 }
 
 /// How many pixels the picture of the steady turn moves by between two frames.
@@ -99,7 +99,7 @@ impl Measure {
             })),
             Self::Latency(name) => Ok(bench.latency(name)),
             Self::OutsideCut => {
-                let all = bench.walked.iter().flatten().map(|walked| walked.worst().outside_cut);
+                let all = bench.walked.values().flatten().map(|walked| walked.worst().outside_cut);
                 let outside: u64 = all.sum();
                 Ok(Some((format!("{outside} drawables"), outside == 0)))
             }
@@ -125,8 +125,7 @@ impl Bench<'_> {
     }
 
     fn walked(&self, name: &str) -> Option<&Walked> {
-        let place = self.cases.iter().position(|case| case.name == name)?;
-        self.walked.get(place)?.as_ref().ok()
+        self.walked.get(name)?.as_ref().ok()
     }
 
     /// Cullers are one frame ahead of those that they cull: two frames each are under way.

@@ -6,7 +6,7 @@ mod measures;
 mod rows;
 mod target;
 
-use std::{sync::Arc, thread};
+use std::{collections::BTreeSet, sync::Arc, thread};
 
 use serde::Serialize;
 use tokio::runtime::Handle;
@@ -89,12 +89,14 @@ impl HardCases {
     }
 }
 
-/// Walks all hard cases in every system with every occlusion test on each device and on the f64 oracle, and
-/// measures what is not a walk. Calls `done` after each case of each.
+/// Walks the hard cases of the difficulties with these numbers, of all without any, in every system with
+/// every occlusion test on each device and on the f64 oracle, and measures what is not a walk. Calls `done`
+/// after each case of each.
 ///
 /// # Errors
 /// If a case cannot be made: a bug.
 pub fn hard(
+    only: &[u8],
     devices: &[Arc<Gpu>],
     rule: LodRule,
     runtime: &Handle,
@@ -108,7 +110,7 @@ pub fn hard(
     let columns: Vec<Vec<Option<Cell>>> = thread::scope(|scope| {
         let column = |target| {
             let (cases, ways) = (&cases, &ways);
-            scope.spawn(move || column(target, cases, ways, rule, done))
+            scope.spawn(move || column(target, only, cases, ways, rule, done))
         };
         let columns: Vec<_> = targets.iter().map(column).collect();
         let finished = |column: thread::ScopedJoinHandle<'_, _>| {
@@ -117,7 +119,7 @@ pub fn hard(
         columns.into_iter().map(finished).collect()
     });
     let of_row = |row: usize| columns.iter().map(|column| column.get(row).cloned().flatten()).collect();
-    let rows = figures().enumerate().map(|(row, (difficulty, figure))| Row {
+    let rows = figures(only).enumerate().map(|(row, (difficulty, figure))| Row {
         number: difficulty.number,
         difficulty: difficulty.name,
         figure: match figure {
@@ -148,11 +150,15 @@ pub(super) fn short_name(gpu: &Arc<Gpu>) -> String {
 }
 
 /// How many cases are walked on each target.
-///
-/// # Errors
-/// If a case cannot be made: a bug.
-pub fn hard_count() -> Result<usize, CaseError> {
-    Ok(hard_cases()?.len())
+#[must_use]
+pub fn hard_count(only: &[u8]) -> usize {
+    cases_of(only).len()
+}
+
+/// The names of the cases of these difficulties, each once.
+fn cases_of(only: &[u8]) -> BTreeSet<&'static str> {
+    let case = |(_, figure)| if let Figure::Walk(case) = figure { Some(case) } else { None };
+    figures(only).filter_map(case).collect()
 }
 
 /// What a row shows.
@@ -163,8 +169,9 @@ enum Figure {
 }
 
 /// The rows of the table, in their order.
-fn figures() -> impl Iterator<Item = (&'static Difficulty, Figure)> {
-    DIFFICULTIES.iter().flat_map(|difficulty| {
+fn figures(only: &[u8]) -> impl Iterator<Item = (&'static Difficulty, Figure)> {
+    let due = |difficulty: &&Difficulty| only.is_empty() || only.contains(&difficulty.number);
+    DIFFICULTIES.iter().filter(due).flat_map(|difficulty| {
         let walks = difficulty.cases.iter().map(|case| Figure::Walk(case));
         let measures = difficulty.measures.iter().map(|measure| Figure::Measure(*measure));
         walks.chain(measures).map(move |figure| (difficulty, figure))
@@ -174,26 +181,25 @@ fn figures() -> impl Iterator<Item = (&'static Difficulty, Figure)> {
 /// The figures of one target, in the order of the rows.
 fn column(
     target: &Target<'_>,
+    only: &[u8],
     cases: &[Case],
     ways: &[Way],
     rule: LodRule,
     done: &(dyn Fn() + Sync),
 ) -> Vec<Option<Cell>> {
-    let walk = |case| {
+    let due = cases_of(only);
+    let walk = |case: &Case| {
         let walked = target.walk(case, ways, rule);
         done();
-        walked
+        (case.name, walked)
     };
-    let walked: Vec<_> = cases.iter().map(walk).collect();
+    let walked = cases.iter().filter(|case| due.contains(case.name)).map(walk).collect();
     let bench = Bench { target, rule, cases, walked: &walked };
     let cell = |(_, figure)| match figure {
-        Figure::Walk(name) => {
-            let place = cases.iter().position(|case| case.name == name)?;
-            walked.get(place).map(walked_cell)
-        }
+        Figure::Walk(name) => walked.get(name).map(walked_cell),
         Figure::Measure(measure) => measured_cell(measure.of(&bench)),
     };
-    figures().map(cell).collect()
+    figures(only).map(cell).collect()
 }
 
 fn failed(error: &MeasureError) -> Cell {
@@ -227,6 +233,20 @@ fn walked_cell(walked: &Result<Walked, MeasureError>) -> Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_wrong_figure_is_enough() {
+        let cell = |holds| Some(Cell { text: "7 px".to_owned(), holds, figures: None });
+        let row = |cells| Row { number: 1, difficulty: "", figure: "eye".to_owned(), cells, tests: &[] };
+        let drivers = vec![Driver::oracle(), Driver::oracle()];
+        let rows = vec![row(vec![None, cell(true)]), row(vec![cell(true), cell(true)])];
+        let mut found = HardCases { drivers, epsilon_px: 2.0, ways: Vec::new(), rows };
+        assert!(found.hold());
+        assert!(!super::super::table(&found).contains("WRONG"));
+        found.rows.push(row(vec![cell(true), cell(false)]));
+        assert!(!found.hold());
+        assert_eq!(super::super::table(&found).matches("WRONG: 7 px").count(), 1);
+    }
 
     #[test]
     fn every_hard_case_is_a_row_and_every_difficulty_is_shown_by_something() {

@@ -17,6 +17,14 @@ pub(crate) struct HardArgs {
     /// The Vulkan devices, by a part of their names [default: all that can be used].
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     pub(crate) device: Vec<String>,
+    /// Only these of the 23 difficulties, by number [default: all].
+    #[arg(
+        long,
+        value_name = "N,..",
+        value_delimiter = ',',
+        value_parser = clap::value_parser!(u8).range(1..=23)
+    )]
+    pub(crate) only: Vec<u8>,
     /// The error bound of levels of detail, pixels.
     #[arg(
         long,
