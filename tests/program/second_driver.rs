@@ -151,6 +151,25 @@ fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_tes
     }
 }
 
+/// All devices that the loader shows are columns of one
+/// table.
+#[test]
+fn hard_cases_hold_on_both_drivers_in_one_table() {
+    let Some(swiftshader) = swiftshader() else { return };
+    let mut command = Bench::empty().command(&["audit", "hard", "--only", "3,5,10", "--json"]);
+    let output = command.env("VK_ADD_DRIVER_FILES", swiftshader).output().unwrap();
+    let found: Value = serde_json::from_str(&printed(&output)).unwrap();
+    assert_eq!(found["holds"], true);
+    let drivers = found["hard"]["drivers"].as_array().unwrap();
+    let about = |driver: &Value| driver["about"].as_str().unwrap().to_owned();
+    assert!(drivers.len() >= 3, "{drivers:?}");
+    assert!(drivers.iter().any(|driver| about(driver).contains("SwiftShader")), "{drivers:?}");
+    for row in found["hard"]["rows"].as_array().unwrap() {
+        let cells = row["cells"].as_array().unwrap();
+        assert!(cells.len() == drivers.len() && cells.iter().all(|cell| cell["holds"] == true), "{row}");
+    }
+}
+
 #[test]
 fn what_the_second_driver_lacks_is_said_by_doctor() {
     let Some(swiftshader) = swiftshader() else { return };
