@@ -5,6 +5,9 @@ use std::collections::HashSet;
 use trimaran_cull::View;
 use trimaran_proto::{DrawableId, FrameNumber};
 
+/// Stands in tables where nothing is measured.
+pub(super) const NONE: &str = "–";
+
 /// How wrong a walk was, and how much it drew.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Figures {

@@ -15,8 +15,8 @@ use trimaran_transport::causes;
 use super::{
     Way,
     depth_formats::DepthFormat,
+    figures::NONE,
     hard::{MeasureError, Target, depth_at, deviation_px, short_name},
-    tables::NONE,
 };
 use crate::comparison::System;
 
@@ -25,6 +25,8 @@ use crate::comparison::System;
 pub struct Curve {
     /// The property, with its unit.
     pub of: &'static str,
+    /// What limits it.
+    pub about: &'static str,
     /// Names of the figures.
     pub figures: Vec<String>,
     /// Its values, each with its figures.
@@ -40,8 +42,16 @@ pub struct Point {
     pub figures: Result<Vec<String>, String>,
     /// Why a device refused it.
     pub notes: Vec<String>,
+    /// Whether pictures differ from the usual ones, by rounding of positions.
+    pub differs: bool,
     /// Whether no figure is wrong.
     pub holds: bool,
+}
+
+impl Point {
+    const fn new(at: String) -> Self {
+        Self { at, figures: Ok(Vec::new()), notes: Vec::new(), differs: false, holds: true }
+    }
 }
 
 /// An error bound at which the small pictures have coarse levels.
@@ -85,7 +95,9 @@ impl Curves<'_> {
     fn scales(&self) -> Curve {
         let of = |scale: f64| (format!("{scale:.0e}"), Ok(PlantCase { scale, ..PlantCase::default() }));
         let scales = [1e-6, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e9];
-        self.curve("scale: a plant of 8 m, so many times as large", true, scales.map(of))
+        let about =
+            "Positions are f32 within an object and f64 between objects, so only ratios of sizes matter.";
+        self.curve("scale: a plant of 8 m, so many times as large", about, true, scales.map(of))
     }
 
     fn offsets(&self) -> Curve {
@@ -94,7 +106,9 @@ impl Curves<'_> {
             (format!("{far:.0e}"), Ok(PlantCase { origin, ..PlantCase::default() }))
         };
         let offsets = [0.0, 1e3, 1e5, 1e6, 1e7, 1e8, 1e9, 1e12, 1e15];
-        self.curve("distance from the origin, metres", true, offsets.map(of))
+        let about = "Positions of objects and of the eye are f64, and their difference is rounded to f32. Doubles have steps \
+                     of 0.1 micrometres at 1e9 m, 0.1 mm at 1e12 m and 10 cm at 1e15 m.";
+        self.curve("distance from the origin, metres", about, true, offsets.map(of))
     }
 
     fn fields(&self) -> Curve {
@@ -103,7 +117,8 @@ impl Curves<'_> {
             (degrees.to_string(), Ok(PlantCase { tan_half_fov_y, ..PlantCase::default() }))
         };
         let fields = [0.001, 0.01, 0.1, 1.0, 10.0, 60.0, 120.0, 170.0, 179.0, 179.99, 179.9999];
-        self.curve("vertical field of view, degrees", false, fields.map(of))
+        let about = "A camera outside of the limits cannot be made.";
+        self.curve("vertical field of view, degrees", about, false, fields.map(of))
     }
 
     fn sizes(&self) -> Curve {
@@ -126,10 +141,17 @@ impl Curves<'_> {
             (16_385, 1),
             (65_537, 1),
         ];
-        self.curve("picture, pixels", false, sizes.map(of))
+        let about = "A picture has at most 65,536 pixels a side, and each device has a limit of its own.";
+        self.curve("picture, pixels", about, false, sizes.map(of))
     }
 
-    fn curve(&self, of: &'static str, compares: bool, values: impl IntoIterator<Item = Variation>) -> Curve {
+    fn curve(
+        &self,
+        of: &'static str,
+        about: &'static str,
+        compares: bool,
+        values: impl IntoIterator<Item = Variation>,
+    ) -> Curve {
         let mut figures = vec!["f64 oracle: wrong pixels".to_owned()];
         let all = ["wrong pixels", "toggles", "deviation", "unlike"];
         for gpu in self.devices {
@@ -138,20 +160,21 @@ impl Curves<'_> {
             figures.extend(measured.map(|figure| format!("{name}: {figure}")));
         }
         let points = values.into_iter().map(|(at, plant)| {
+            tracing::info!(of, at, "measures");
             let point = self.point(at, plant, compares);
             (self.done)();
             point
         });
-        Curve { of, figures, points: points.collect() }
+        Curve { of, about, figures, points: points.collect() }
     }
 
     fn point(&self, at: String, plant: Result<PlantCase, String>, compares: bool) -> Point {
         let case = plant.and_then(|plant| plant.case("plant").map_err(|error| causes(&error)));
         let case = match case {
             Ok(case) => case,
-            Err(refused) => return Point { at, figures: Err(refused), notes: Vec::new(), holds: true },
+            Err(refused) => return Point { figures: Err(refused), ..Point::new(at) },
         };
-        let (mut figures, mut holds, mut notes) = (Vec::new(), true, Vec::new());
+        let (mut figures, mut holds, mut notes, mut differs) = (Vec::new(), true, Vec::new(), false);
         let size = case.views.first().map(View::viewport);
         if size.is_some_and(|size| size.width() * size.height() <= ORACLE_PIXELS) {
             match Target::Oracle.walk(&case, &[], self.rule) {
@@ -172,6 +195,7 @@ impl Curves<'_> {
             let mut cells = match self.on_device(gpu, &case, compares) {
                 OnDevice::Walked { wrong, toggles, deviation, unlike } => {
                     holds &= wrong + toggles == 0 && deviation <= COARSE_PX;
+                    differs |= unlike.is_some_and(|pixels| pixels > 0);
                     let moved = format!("{deviation:.1} px");
                     let unlike = unlike.map(|pixels| format!("{pixels} px"));
                     [format!("{wrong} px"), toggles.to_string(), moved].into_iter().chain(unlike).collect()
@@ -189,7 +213,7 @@ impl Curves<'_> {
             cells.resize(count, NONE.to_owned());
             figures.extend(cells);
         }
-        Point { at, figures: Ok(figures), notes, holds }
+        Point { at, figures: Ok(figures), notes, differs, holds }
     }
 
     /// Two cullers with each occlusion test.
@@ -205,12 +229,9 @@ impl Curves<'_> {
             let wrong = worst.wrong_pixels + worst.lost_nodes + worst.outside_cut;
             Ok(OnDevice::Walked { wrong, toggles: worst.toggles.unwrap_or(0), deviation, unlike })
         };
-        measured().unwrap_or_else(|error: MeasureError| {
-            if error.is_refused_size() {
-                OnDevice::Refused(causes(&error))
-            } else {
-                OnDevice::Failed(causes(&error))
-            }
+        measured().unwrap_or_else(|error: MeasureError| match error.refused_size() {
+            Some(refused) => OnDevice::Refused(refused.to_string()),
+            None => OnDevice::Failed(causes(&error)),
         })
     }
 
@@ -225,6 +246,7 @@ impl Curves<'_> {
         let point = |power: i32| {
             let (near, distance) =
                 (10_f64.powf(-f64::from(power) * 0.7), 10_f64.powf(f64::from(power) * 0.3));
+            tracing::info!(power, "measures depth");
             let (mut figures, mut holds) = (Vec::new(), true);
             for target in targets() {
                 let found = depth_at(&target, near as f32, distance, self.rule);
@@ -237,23 +259,27 @@ impl Curves<'_> {
                 });
             }
             (self.done)();
-            Point { at: format!("1e{power}"), figures: Ok(figures), notes: Vec::new(), holds }
+            Point { figures: Ok(figures), holds, ..Point::new(format!("1e{power}")) }
         };
         let points = [1, 3, 5, 7, 10, 20, 30, 37, 38, 39, 41].map(point);
         Curve {
             of: "depth: distance of two surfaces over that of the near plane",
+            about: "The smallest gap at which the nearer surface shows at each pixel, of the distance. From 1e38 on the \
+                    depth is below the smallest normal number of f32. Devices may take it for 0, which is the \
+                    background: \"none\". Culled and unculled pictures then lack the same. By default the near plane \
+                    is a ten-thousandth of the scene's diagonal, so this takes a path with a near plane of its own.",
             figures: names.flat_map(figure).collect(),
             points: points.into(),
         }
     }
 }
 
-/// Pixels that show another drawable than the usual plant does.
+/// Pixels that show another object than the usual plant does.
 fn unlike(target: &Target<'_>, case: &Case, rule: LodRule) -> Result<usize, MeasureError> {
     let usual = PlantCase::default().case("plant")?;
     let mut pixels = 0;
     for (view, there) in usual.views.iter().zip(&case.views).step_by(3) {
-        let (here, there) = (target.owners(&usual, view, rule)?, target.owners(case, there, rule)?);
+        let (here, there) = (target.objects(&usual, view, rule)?, target.objects(case, there, rule)?);
         pixels += here.iter().zip(&there).filter(|(a, b)| a != b).count();
     }
     Ok(pixels)
@@ -265,10 +291,11 @@ fn formats() -> Curve {
         let gap = |format: DepthFormat| format.resolved(1e-3, 10_f64.powi(power));
         let text = |gap: Option<f64>| gap.map_or("none".to_owned(), |gap| format!("{gap:.0e}"));
         let figures = DepthFormat::ALL.map(|format| text(gap(format))).to_vec();
-        Point { at: format!("1e{power}"), figures: Ok(figures), notes: Vec::new(), holds: true }
+        Point { figures: Ok(figures), ..Point::new(format!("1e{power}")) }
     };
     Curve {
         of: "format of depth: smallest gap at a distance in metres, near plane at 1 mm, far plane at 1e6 m",
+        about: "Computed, not drawn: why depth is reversed, and 32 bits wide.",
         figures: DepthFormat::ALL.map(|format| format.name().to_owned()).to_vec(),
         points: [-2, -1, 0, 1, 2, 3, 4, 5].map(point).into(),
     }

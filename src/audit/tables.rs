@@ -3,12 +3,11 @@
 use std::fmt::Write as _;
 
 use super::{
+    figures::NONE,
     hard::{Cell, HardCases, Row},
-    stability::Curve,
+    stability::{Curve, Point},
 };
 use crate::report::text;
-
-pub(super) const NONE: &str = "–";
 
 /// The hard cases as a table for a terminal.
 #[must_use]
@@ -61,39 +60,45 @@ pub fn page(found: &HardCases, curves: &[Curve], command: &str) -> String {
     }
     page.push('\n');
     page += CURVES;
-    for curve in curves {
-        let _ = write!(
-            page,
-            "\n### {}{}\n\n",
-            curve.of.get(..1).unwrap_or_default().to_uppercase(),
-            curve.of.get(1..).unwrap_or_default()
-        );
-        let mut head = vec![String::new()];
-        head.extend(curve.figures.iter().cloned());
-        let mut notes = Vec::new();
-        markdown(
-            &mut page,
-            &head,
-            &mut curve.points.iter().map(|point| {
-                let mut row = vec![point.at.clone()];
-                match &point.figures {
-                    Ok(figures) => row.extend(figures.iter().cloned()),
-                    Err(refused) => {
-                        row.push("refused".to_owned());
-                        row.resize(head.len(), NONE.to_owned());
-                        notes.push(format!("{}: {refused}", point.at));
-                    }
-                }
-                notes.extend(point.notes.iter().map(|note| format!("{}: {note}", point.at)));
-                row
-            }),
-        );
-        if !notes.is_empty() {
-            page += "\nRefusals, in the words of the program:\n\n";
-            notes.iter().for_each(|note| page += &format!("- {note}\n"));
-        }
-    }
+    curves.iter().for_each(|curve| add_curve(&mut page, curve));
     page
+}
+
+fn add_curve(page: &mut String, curve: &Curve) {
+    let Curve { of, about, figures, points } = curve;
+    let (first, rest) = of.split_at_checked(1).unwrap_or_default();
+    let _ = write!(page, "\n### {}{rest}\n{about}\n\n", first.to_uppercase());
+    let mut head = vec![String::new()];
+    head.extend(figures.iter().cloned());
+    let row = |point: &Point| {
+        let refused = || vec!["refused".to_owned()];
+        let mut row = vec![point.at.clone()];
+        row.extend(point.figures.as_ref().map_or_else(|_| refused(), Clone::clone));
+        row.resize(head.len(), NONE.to_owned());
+        row
+    };
+    markdown(page, &head, &mut points.iter().map(row));
+    let said = points.iter().flat_map(|point| {
+        let refused = point.figures.as_ref().err().into_iter().chain(&point.notes);
+        refused.map(move |why| format!("- {}: {why}\n", point.at))
+    });
+    let said: String = said.collect();
+    let names = |is: fn(&Point) -> bool| {
+        points.iter().filter(|point| is(point)).map(|point| point.at.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let (wrong, differs) = (names(|point| !point.holds), names(|point| point.differs));
+    page.push('\n');
+    match wrong.as_str() {
+        "" => *page += "Nothing is wrong that is not refused.",
+        wrong => *page += &format!("**Wrong at {wrong}.**"),
+    }
+    if !differs.is_empty() {
+        *page += &format!(" Rounded positions change the picture at {differs}.");
+    }
+    page.push('\n');
+    if !said.is_empty() {
+        *page += &format!("\nThe program refuses by a typed error:\n\n{said}");
+    }
 }
 
 fn markdown(page: &mut String, head: &[String], rows: &mut dyn Iterator<Item = Vec<String>>) {
@@ -115,7 +120,9 @@ from the origin. This command made it, and its exit code is 1 if any figure is w
 COMMAND
 ```
 
-It measures on:
+It measures on all devices that the Vulkan loader shows. `./x swiftshader` prints the file of a second driver,
+which `VK_ADD_DRIVER_FILES` adds. This page has:
+
 ";
 
 const HARD: &str = "\
@@ -139,6 +146,6 @@ Figures, all frames together:
 - *wrong pixels*: as above, with lost nodes added;
 - *toggles*: nodes that come or go while the camera stands still;
 - *deviation*: the largest distance by which levels of detail move a surface, at an error bound of 16 pixels;
-- *unlike*: pixels of a third of the frames that show another drawable than the usual plant does. These are no
-  error of culling: positions are rounded, and culled and unculled pictures round alike.
+- *unlike*: pixels of a third of the frames that show another object than the usual plant does. Culling is not the
+  cause: positions are rounded, and culled and unculled pictures round alike.
 ";

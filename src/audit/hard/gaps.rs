@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use trimaran_audit::cases::{Case, CaseError, Mesh, Object, build, looking_past};
 use trimaran_cull::{LodRule, Viewport};
-use trimaran_proto::{DrawableId, OcclusionTestKind};
+use trimaran_proto::OcclusionTestKind;
 
 use super::{
     measures::{Bench, Measured},
@@ -99,13 +99,8 @@ fn resolved(
     for gap in (1..=25).rev().map(|power| 0.5_f64.powi(power)) {
         let case = pair(near, distance, gap, 2.0, 1)?;
         let Some(view) = case.views.first() else { return Ok(None) };
-        let owners = target.owners(&case, view, rule)?;
-        let nearer = |owner: &Option<DrawableId>| {
-            let drawable = owner.and_then(|id| case.scene.drawables().get(id.index()));
-            let node = drawable.and_then(|drawable| case.scene.nodes().get(drawable.node as usize));
-            node.is_some_and(|node| node.object == 0)
-        };
-        if owners.iter().all(nearer) {
+        let objects = target.objects(&case, view, rule)?;
+        if objects.iter().all(|object| *object == Some(0)) {
             return Ok(Some(gap));
         }
     }

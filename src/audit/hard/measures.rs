@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use trimaran_audit::{Placement, cases::Case, rasterize};
 use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_gpu::GpuScene;
-use trimaran_proto::{DrawableId, Settings};
+use trimaran_proto::Settings;
 
 use super::{
     gaps::{culled_gap, resolved_gap},
     inputs::{equal_bounds, invalid_cameras, not_finite},
-    target::{MeasureError, Target, Walked, owners},
+    target::{MeasureError, Target, Walked, object_of, owners},
 };
 use crate::walkthrough::{Auditor, ViewStates};
 
@@ -152,12 +152,8 @@ fn wrong_order(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
         let cut = lod_cut(&case.scene, view, bench.rule);
         let exact = owners(&rasterize(&case.scene, view, cut, Placement::Exact));
         // Two objects after each other are a pair.
-        let object = |id: DrawableId| {
-            let drawable = case.scene.drawables().get(id.index())?;
-            case.scene.nodes().get(drawable.node as usize).map(|node| node.object)
-        };
         let partners = |(shown, exact): (&Option<_>, &Option<_>)| {
-            let (shown, exact) = (object((*shown)?)?, object((*exact)?)?);
+            let (shown, exact) = (object_of(&case.scene, (*shown)?)?, object_of(&case.scene, (*exact)?)?);
             (shown != exact && shown / 2 == exact / 2).then_some(())
         };
         wrong += shown.iter().zip(&exact).filter_map(partners).count();

@@ -12,6 +12,7 @@ use trimaran_audit::{
 use trimaran_cull::{LodRule, View, draw_order, lod_cut};
 use trimaran_gpu::{Gpu, GpuError, GpuScene, ItemImage, ItemPass};
 use trimaran_proto::{DrawableId, OcclusionTestKind};
+use trimaran_scene::Scene;
 
 use crate::{
     audit::{CaseOnDevice, CaseWalkError, Figures, Way, walk_reference},
@@ -52,16 +53,17 @@ pub enum MeasureError {
 }
 
 impl MeasureError {
-    /// Whether the device cannot draw the picture because of its size.
-    #[must_use]
-    pub fn is_refused_size(&self) -> bool {
-        match self {
-            Self::Gpu(GpuError::ViewportTooLarge { .. }) => true,
-            Self::Walk { source, .. } => {
-                matches!(**source, CaseWalkError::Gpu(GpuError::ViewportTooLarge { .. }))
-            }
-            _ => false,
-        }
+    /// The device's refusal of a picture because of its size.
+    pub(in crate::audit) fn refused_size(&self) -> Option<&GpuError> {
+        let error = match self {
+            Self::Gpu(error) => error,
+            Self::Walk { source, .. } => match &**source {
+                CaseWalkError::Gpu(error) => error,
+                _ => return None,
+            },
+            _ => return None,
+        };
+        matches!(error, GpuError::ViewportTooLarge { .. }).then_some(error)
     }
 }
 
@@ -135,9 +137,20 @@ impl Target<'_> {
         Ok(figures.whole.saturating_sub(figures.drawn))
     }
 
+    /// The object at each pixel, likewise.
+    pub(in crate::audit) fn objects(
+        &self,
+        case: &Case,
+        view: &View,
+        rule: LodRule,
+    ) -> Result<Vec<Option<u32>>, MeasureError> {
+        let owners = self.owners(case, view, rule)?;
+        Ok(owners.into_iter().map(|owner| object_of(&case.scene, owner?)).collect())
+    }
+
     /// The drawable at each pixel of the LOD cut of a view, without culling, drawn from the farthest to the
     /// nearest: of two at the same depth the wrong one shows.
-    pub(in crate::audit) fn owners(
+    pub(super) fn owners(
         &self,
         case: &Case,
         view: &View,
@@ -159,6 +172,12 @@ impl Target<'_> {
             }
         }
     }
+}
+
+/// The object that a drawable shows; none for a level of several.
+pub(super) fn object_of(scene: &Scene, id: DrawableId) -> Option<u32> {
+    let drawable = scene.drawables().get(id.index())?;
+    scene.nodes().get(drawable.node as usize).map(|node| node.object)
 }
 
 /// The drawable at each pixel.
