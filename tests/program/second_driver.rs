@@ -151,12 +151,12 @@ fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_tes
     }
 }
 
-/// All devices that the loader shows are columns of one
-/// table.
+/// All devices that the loader shows are columns of one table.
 #[test]
 fn hard_cases_hold_on_both_drivers_in_one_table() {
     let Some(swiftshader) = swiftshader() else { return };
-    let mut command = Bench::empty().command(&["audit", "hard", "--only", "3,5,10", "--json"]);
+    let bench = Bench::empty();
+    let mut command = bench.command(&["audit", "hard", "--only", "3", "--json"]);
     let output = command.env("VK_ADD_DRIVER_FILES", swiftshader).output().unwrap();
     let found: Value = serde_json::from_str(&printed(&output)).unwrap();
     assert_eq!(found["holds"], true);

@@ -25,7 +25,9 @@ pub(super) enum Measure {
     WrongOrder,
     /// Pixels that differ from those of the same scene at the origin.
     UnlikeAtOrigin,
+    /// How many invalid cameras, pictures and bounds are refused.
     InvalidCameras,
+    /// How many scenes with NaN or infinity are refused.
     NotFinite,
     /// How far levels of detail move surfaces of a case.
     Deviation(&'static str),
@@ -33,7 +35,9 @@ pub(super) enum Measure {
     Background(&'static str),
     /// The delay of a case's pictures.
     Latency(&'static str),
+    /// Drawables that a role drew, and that are not of the frame's LOD cut.
     OutsideCut,
+    /// Whether cuts are sound where an error equals the bound.
     EqualBounds,
 }
 
@@ -128,7 +132,7 @@ impl Bench<'_> {
         self.walked.get(name)?.as_ref().ok()
     }
 
-    /// Cullers are one frame ahead of those that they cull: two frames each are under way.
+    /// Two frames of each culler are under way: the one that it culls, and the one after it.
     fn latency(&self, name: &str) -> Measured {
         let walked = self.walked(name).filter(|_| !self.is_oracle())?;
         let mut most = BTreeMap::<u8, u32>::new();
