@@ -36,10 +36,10 @@ pub fn page(found: &HardCases, curves: &[Curve], command: &str) -> String {
     let drivers: String =
         found.drivers.iter().map(|driver| format!("- **{}**: {}\n", driver.name, driver.about)).collect();
     let ways = found.ways.iter().map(|way| format!("`{way}`")).collect::<Vec<_>>().join("; ");
-    let mut page = format!(
-        "{}\n{drivers}\nEach case is walked on each device in these systems, with these occlusion tests: {ways}.\n\n{HARD}\n",
-        INTRODUCTION.replace("COMMAND", command)
-    );
+    let ways =
+        format!("Each case is walked on each device in these systems, with these occlusion tests: {ways}.");
+    let mut page =
+        format!("{}{drivers}\n{HARD}\n{}\n", INTRODUCTION.replace("COMMAND", command), wrapped(&ways));
     let mut head = vec!["#".to_owned(), "case or figure".to_owned()];
     head.extend(found.drivers.iter().map(|driver| driver.name.clone()));
     markdown(
@@ -67,7 +67,7 @@ pub fn page(found: &HardCases, curves: &[Curve], command: &str) -> String {
 fn add_curve(page: &mut String, curve: &Curve) {
     let Curve { of, about, figures, points } = curve;
     let (first, rest) = of.split_at_checked(1).unwrap_or_default();
-    let _ = write!(page, "\n### {}{rest}\n{about}\n\n", first.to_uppercase());
+    let _ = write!(page, "\n### {}{rest}\n{}\n", first.to_uppercase(), wrapped(about));
     let mut head = vec![String::new()];
     head.extend(figures.iter().cloned());
     let row = |point: &Point| {
@@ -87,18 +87,30 @@ fn add_curve(page: &mut String, curve: &Curve) {
         points.iter().filter(|point| is(point)).map(|point| point.at.as_str()).collect::<Vec<_>>().join(", ")
     };
     let (wrong, differs) = (names(|point| !point.holds), names(|point| point.differs));
-    page.push('\n');
-    match wrong.as_str() {
-        "" => *page += "Nothing is wrong that is not refused.",
-        wrong => *page += &format!("**Wrong at {wrong}.**"),
+    if !wrong.is_empty() {
+        *page += &format!("\n**Wrong at {wrong}.**\n");
     }
     if !differs.is_empty() {
-        *page += &format!(" Rounded positions change the picture at {differs}.");
+        *page += &format!("\nRounded positions change the picture first at {differs}.\n");
     }
-    page.push('\n');
     if !said.is_empty() {
         *page += &format!("\nThe program refuses by a typed error:\n\n{said}");
     }
+}
+
+/// A paragraph in lines of at most 110 columns.
+fn wrapped(text: &str) -> String {
+    let (mut lines, mut columns) = (String::new(), 0);
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        let fits = columns + 1 + length <= 110;
+        if columns > 0 {
+            lines.push(if fits { ' ' } else { '\n' });
+        }
+        columns = if fits && columns > 0 { columns + 1 + length } else { length };
+        lines += word;
+    }
+    lines + "\n"
 }
 
 fn markdown(page: &mut String, head: &[String], rows: &mut dyn Iterator<Item = Vec<String>>) {
@@ -113,39 +125,67 @@ fn markdown(page: &mut String, head: &[String], rows: &mut dyn Iterator<Item = V
 const INTRODUCTION: &str = "\
 # Where culling stays exact, and where the program refuses
 
-This page is for those who doubt that culling changes no pixel, or whose model is very large, very small or far
-from the origin. This command made it, and its exit code is 1 if any figure is wrong:
+This page is for readers who doubt that culling changes no pixel, or whose model is very large, very small or
+far from the origin. This command made it. Its exit code is 1 if a figure is wrong:
 
 ```sh
 COMMAND
 ```
 
 It measures on all devices that the Vulkan loader shows. `./x swiftshader` prints the file of a second driver,
-which `VK_ADD_DRIVER_FILES` adds. This page has:
+and `VK_ADD_DRIVER_FILES` adds it. This page has:
 
 ";
 
 const HARD: &str = "\
 ## The hard cases
 
-Twenty-three numerical difficulties are known to break occlusion culling. Each is a small scene and a camera path
-in `lab/audit/src/cases`, or a figure of its own. A cell is the worst of all systems and occlusion tests: pixels
-that show another triangle than the same frame without culling, and visible nodes that were not drawn. Where the
-camera stands still, nodes that come and go would be counted as toggles.
+Twenty-three numerical difficulties are known to break occlusion culling. Each is a small scene and a camera
+path in `lab/audit/src/cases`, or a figure of its own. A cell is the worst of all systems and occlusion tests:
+pixels that show another triangle than the same frame without culling, and visible nodes that were not drawn.
+Where the camera stands still, nodes that come and go count as toggles. A cell names them if there are any.
 
-Rays are left out: a ray and a rasterizer may differ at the edge of a triangle. A display without cullers now and
-then draws all that is in sight to find out whether that costs less, so its toggles are not counted.
+Rays are left out: a ray and a rasterizer may differ at the edge of a triangle. A display without cullers now
+and then draws all that is in sight, to find out whether that costs less. So its toggles are not counted.
 ";
 
 const CURVES: &str = "\
 ## Limits
 
-A plant of 120 objects is walked with one property taken to its limits, by two cullers with each occlusion test.
-Figures, all frames together:
+A plant of 120 objects is walked with one property taken to its limits, by two cullers with each occlusion
+test. Figures, all frames together:
 
 - *wrong pixels*: as above, with lost nodes added;
 - *toggles*: nodes that come or go while the camera stands still;
 - *deviation*: the largest distance by which levels of detail move a surface, at an error bound of 16 pixels;
-- *unlike*: pixels of a third of the frames that show another object than the usual plant does. Culling is not the
-  cause: positions are rounded, and culled and unculled pictures round alike.
+- *unlike*: pixels of a third of the frames that show another object than the usual plant does. Culling is not
+  the cause: positions are rounded, and culled and unculled pictures round alike.
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_paragraph_is_wrapped_and_a_page_says_what_is_wrong_and_what_is_refused() {
+        let text = wrapped(&"word ".repeat(100));
+        assert!(text.lines().count() == 5 && text.lines().all(|line| line.len() <= 110), "{text}");
+        let point = |at: &str| Point::new(at.to_owned());
+        let curve = Curve {
+            of: "scale",
+            about: "About it.",
+            figures: vec!["wrong pixels".to_owned()],
+            points: vec![
+                Point { figures: Ok(vec!["0".to_owned()]), ..point("1") },
+                Point { figures: Ok(vec!["9".to_owned()]), holds: false, ..point("2") },
+                Point { figures: Err("too large".to_owned()), ..point("3") },
+            ],
+        };
+        let mut page = String::new();
+        add_curve(&mut page, &curve);
+        let expected = "\n### Scale\nAbout it.\n\n|  | wrong pixels |\n| --- | --- |\n| 1 | 0 |\n| 2 | 9 |\n\
+                        | 3 | refused |\n\n**Wrong at 2.**\n\nThe program refuses by a typed error:\n\n\
+                        - 3: too large\n";
+        assert_eq!(page, expected);
+    }
+}

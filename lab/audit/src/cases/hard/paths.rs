@@ -52,7 +52,7 @@ pub(super) fn quarter_turns() -> Result<Case, CaseError> {
 
 /// A shake by one pixel: what was just hidden, or just visible, changes sides.
 pub(super) fn shaking() -> Result<Case, CaseError> {
-    let pixel = 70_f64.to_radians() / 80.0;
+    let pixel = pixels(1.0);
     let still = turning("", 0.0)?;
     let at = |frame: f64| {
         let (side, eye) = (if frame % 2.0 == 0.0 { 0.0 } else { pixel }, DVec3::new(4.3, 4.4, 1.5));
@@ -64,7 +64,12 @@ pub(super) fn shaking() -> Result<Case, CaseError> {
 
 /// A steady turn by eight pixels a frame, by which the delay of a picture shows as an offset.
 pub(super) fn steady_turn() -> Result<Case, CaseError> {
-    turning("a steady turn by 8 pixels a frame", 8.0 * 70_f64.to_radians() / 80.0)
+    turning("a steady turn by 8 pixels a frame", pixels(8.0))
+}
+
+/// The angle by which the middle of a small picture of 70 degrees moves by this many pixels.
+fn pixels(count: f64) -> f64 {
+    (count / 40.0 * 35_f64.to_radians().tan()).atan()
 }
 
 /// On the spot in a plant, by this angle a frame.
