@@ -106,8 +106,8 @@ impl Curves<'_> {
             (format!("{far:.0e}"), Ok(PlantCase { origin, ..PlantCase::default() }))
         };
         let offsets = [0.0, 1e3, 1e5, 1e6, 1e7, 1e8, 1e9, 1e12, 1e15];
-        let about = "Positions of objects and of the eye are f64, and their difference is rounded to f32. Doubles have steps \
-                     of 0.1 micrometres at 1e9 m, 0.1 mm at 1e12 m and 10 cm at 1e15 m.";
+        let about = "Positions of objects and of the eye are f64, and their difference is rounded to f32. \
+                     Doubles have steps of 0.1 micrometres at 1e9 m, 0.1 mm at 1e12 m and 10 cm at 1e15 m.";
         self.curve("distance from the origin, metres", about, true, offsets.map(of))
     }
 
@@ -264,11 +264,11 @@ impl Curves<'_> {
         let points = [1, 3, 5, 7, 10, 20, 30, 37, 38, 39, 41].map(point);
         Curve {
             of: "depth: distance of two surfaces over that of the near plane",
-            about: "The smallest gap at which the nearer surface shows at each pixel, of the distance. From 1e38 on \
-                    depth is below the smallest normal number of f32. Devices take it for 0, which is the \
-                    background: \"none\". Culled and unculled pictures then lack the same, and nothing refuses. By \
-                    default the near plane is a ten-thousandth of the scene's diagonal, so only a path with a near \
-                    plane of its own comes there.",
+            about: "The smallest gap at which the nearer surface shows at each pixel, of the distance. From 1e38 \
+                    on depth is below the smallest normal number of f32. Devices take it for 0, which is the \
+                    background: \"none\". Culled and unculled pictures then lack the same, and nothing \
+                    refuses. By default the near plane is a ten-thousandth of the scene's diagonal, so only a \
+                    path with a near plane of its own comes there.",
             figures: names.flat_map(figure).collect(),
             points: points.into(),
         }
