@@ -264,11 +264,11 @@ impl Curves<'_> {
         let points = [1, 3, 5, 7, 10, 20, 30, 37, 38, 39, 41].map(point);
         Curve {
             of: "depth: distance of two surfaces over that of the near plane",
-            about: "The smallest gap at which the nearer surface shows at each pixel, of the distance. From 1e38 \
-                    on depth is below the smallest normal number of f32. Devices take it for 0, which is the \
-                    background: \"none\". Culled and unculled pictures then lack the same, and nothing \
-                    refuses. By default the near plane is a ten-thousandth of the scene's diagonal, so only a \
-                    path with a near plane of its own comes there.",
+            about: "The smallest gap at which the nearer surface shows at each pixel, of the distance. From \
+                    1e38 on depth is below the smallest normal number of f32. Devices take it for 0, which \
+                    is the background: \"none\". Culled and unculled pictures then lack the same, and \
+                    nothing refuses. By default the near plane is a ten-thousandth of the scene's \
+                    diagonal, so only a path with a near plane of its own comes there.",
             figures: names.flat_map(figure).collect(),
             points: points.into(),
         }
