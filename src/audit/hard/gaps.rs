@@ -47,8 +47,8 @@ fn smallest(
     Ok(largest)
 }
 
-/// From which gap on a plate behind a wall is culled, at 1 m to 1,000 km. With rasterized boxes it is a part of
-/// the distance. A depth pyramid takes boxes to be nearer by half a pixel: there it is in pixels.
+/// From which gap on a plate behind a wall is culled, at 1 m to 1,000 km. With rasterized boxes it is a part
+/// of the distance. A depth pyramid takes boxes to be nearer by half a pixel: there it is in pixels.
 pub(super) fn culled_gap(bench: &Bench<'_>) -> Result<Measured, MeasureError> {
     use OcclusionTestKind::{Hzb, Query, Raster};
     const MOST: f64 = 1e-4;
