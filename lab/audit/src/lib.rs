@@ -36,6 +36,7 @@
 //! | `nearest`, `grid` | [`distances_to_surfaces`]: how far pixels are from where surfaces lie |
 //! | [`metrics`] | how wrong an image is: false culls, mismatching pixels, PSNR, FLIP, deviation |
 //! | [`cases`] | scenes and camera paths for tests: the hard cases of culling, a random plant |
+//! | [`search`] | scenes and walks at random, and the smallest that fails |
 
 mod attribution;
 pub mod cases;
@@ -46,6 +47,7 @@ pub mod metrics;
 mod nearest;
 mod occlusion_test;
 mod raster;
+pub mod search;
 mod walkthrough;
 
 pub use attribution::{CulledFrame, Missing, causes};
