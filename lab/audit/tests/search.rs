@@ -28,41 +28,14 @@ fn nothing_is_lost_on_trials_at_random() {
 }
 
 #[test]
-fn each_fault_is_found_and_shrunk() {
-    for fault in [
-        Fault::OtherLevels,
-        Fault::OtherLevelsShown(3),
-        Fault::StaleDepth,
-        Fault::SmallBoxes(0.9),
-        Fault::SmallBoxes(0.99),
-        Fault::NoInflation(0.01),
-        Fault::NoInflation(1e-4),
-        Fault::NoInflation(1e-6),
-        Fault::NoOutline,
-        Fault::DroppedIds(9),
-        Fault::NearerOccluders(0.01),
-        Fault::NearerOccluders(1e-4),
-        Fault::NearerOccluders(1e-6),
-    ] {
+fn rates() {
+    for fault in [Fault::None, Fault::OtherLevels, Fault::StaleDepth, Fault::SmallBoxes(0.99), Fault::NoInflation(1e-4), Fault::NoOutline] {
         for testing in BOTH {
-            let fails = |trial: &Trial| judge(trial, testing, fault).is_ok_and(|verdict| !verdict.is_sound());
-            let seeds: Vec<u64> = (0..400).filter(|seed| fails(&Trial::draw(*seed, 12))).collect();
-            let Some(&seed) = seeds.first() else {
-                println!("{fault:?} {testing:?}: not found");
-                continue;
-            };
-            let mut tries = 0;
-            let least = shrink(Trial::draw(seed, 12), 3000, |trial| {
-                tries += 1;
-                fails(trial)
-            });
-            println!(
-                "{fault:?} {testing:?}: {} of 400, seed {seed}: {} solids, {} frames, {tries} tries: {}",
-                seeds.len(),
-                least.solids.len(),
-                least.frames.len(),
-                serde_json::to_string(&least).unwrap()
-            );
+            let verdicts: Vec<Verdict> = (0..150).map(|seed| judge(&Trial::draw(seed, 12), testing, fault).unwrap()).collect();
+            let found = verdicts.iter().filter(|v| !v.is_sound()).count();
+            let hidden: u64 = verdicts.iter().map(|v| v.hidden).sum();
+            let with = verdicts.iter().filter(|v| v.hidden > 0).count();
+            println!("{fault:?} {testing:?}: {found} of 150, hidden {hidden}, in {with}");
         }
     }
 }

@@ -37,14 +37,21 @@ enum Move {
     Back,
 }
 
-const MOVES: [Move; 10] = [
+/// As often as they stand here.
+const MOVES: [Move; 16] = [
+    Move::Still,
     Move::Still,
     Move::Walk,
+    Move::Walk,
+    Move::Walk,
     Move::Turn,
+    Move::Turn,
+    Move::Shake,
     Move::Shake,
     Move::Jump,
     Move::Inside,
     Move::Through,
+    Move::Along,
     Move::Along,
     Move::Zoom,
     Move::Back,
@@ -130,7 +137,7 @@ impl<'s> Cameraman<'s> {
             Some((middle, _)) => middle,
             None => self.world.point(random, 1.0),
         };
-        let distance = self.world.scale * magnitude(random, 0.05, 8.0);
+        let distance = self.world.scale * magnitude(random, 0.3, 8.0);
         let direction = self.world.direction(random);
         self.stand(self.world.snapped(target - direction * distance), direction);
         self.frame.roll = if random.chance(0.3) { random.between(-180.0, 180.0) } else { 0.0 };

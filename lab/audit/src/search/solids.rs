@@ -21,8 +21,14 @@ impl Builder {
 
     pub(super) fn solids(mut self, random: &mut Random, count: usize) -> Vec<Solid> {
         // Many trials have one kind of size: all small, all large, or any.
-        let sizes = random.pick([(1e-4, 20.0), (1e-2, 1.0), (0.1, 1.0), (0.3, 3.0), (1e-3, 0.02)]);
+        let sizes = random.pick([(1e-4, 20.0), (0.03, 1.0), (0.1, 1.0), (0.2, 2.0), (1e-3, 0.05)]);
         let related = random.pick([0.0, 0.3, 0.6, 0.9]);
+        // Walls, so that something is hidden.
+        let walls = random.pick([0, 1, 2, 5]).min(count);
+        for _ in 0..walls {
+            let wall = self.wall(random);
+            self.solids.push(wall);
+        }
         while self.solids.len() < count {
             let earlier = self.solids.get(random.below(self.solids.len())).cloned();
             let solid = match earlier {
@@ -34,13 +40,24 @@ impl Builder {
         self.solids
     }
 
+    fn wall(&self, random: &mut Random) -> Solid {
+        let mut half = [1.0; 3].map(|one: f64| one * self.world.scale * magnitude(random, 0.3, 3.0));
+        half[random.below(3)] *= random.pick([0.0, 1e-4, 0.01, 0.1]);
+        let half = self.world.snapped(DVec3::from_array(half)).as_vec3();
+        let shape = Shape::Box { half: half.to_array(), cuts: random.pick([1, 2, 4]) };
+        let most = random.chance(0.3).then_some(2);
+        let linear = if random.chance(0.5) { Mat3::IDENTITY } else { self.linear(random) };
+        let origin = self.world.point(random, 1.0).to_array();
+        Solid { shape, coarser: Vec::new(), origin, linear: linear.to_cols_array(), most }
+    }
+
     fn alone(&self, random: &mut Random, (low, high): (f64, f64)) -> Solid {
         let (low, high) = match random.below(12) {
             0 => (5.0, 80.0),
             1 => (1e-6, 1e-3),
             _ => (low, high),
         };
-        let reach = random.pick([0.5, 2.0, 2.0, 2.0, 5.0, 100.0]);
+        let reach = if random.chance(0.05) { 100.0 } else { random.pick([0.5, 1.0, 2.0, 3.0]) };
         let shape = self.shape(random, low, high);
         let linear = self.linear(random);
         let coarser = if random.chance(0.4) { coarser(random, &shape) } else { Vec::new() };
