@@ -11,6 +11,8 @@ mod hard;
 mod oracle;
 mod stability;
 mod tables;
+mod search;
+mod trial;
 
 pub use device::{CaseOnDevice, CaseWalkError, Way};
 pub use figures::Figures;
@@ -18,3 +20,5 @@ pub use hard::{Cell, Driver, HardCases, MeasureError, Row, hard, hard_count};
 pub use oracle::walk_reference;
 pub use stability::{Curve, Curves, Point};
 pub use tables::{page, table};
+pub use search::{KeptTrial, Opening, Search, SearchCounts, Wrong};
+pub use trial::{Judgement, TrialCulling, TrialOnDevice, TrialWalkError};

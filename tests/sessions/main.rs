@@ -14,6 +14,7 @@ mod model;
 #[cfg(target_os = "linux")]
 mod netem;
 mod real_models;
+mod search;
 mod simulate;
 mod truth;
 mod view_state;

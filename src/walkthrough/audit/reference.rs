@@ -127,6 +127,15 @@ impl Auditor {
         Ok((cut, items))
     }
 
+    /// The triangle at each pixel of a drawn frame.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn items(&mut self, record: &FrameRecord) -> Result<ItemImage, GpuError> {
+        let (view, rule) = self.redrawer.seen_from(&record.camera);
+        self.draw_items(&view, &rule, &record.ids)
+    }
+
     /// Compares the triangle at each pixel of a drawn frame with that of the same frame without culling.
     ///
     /// # Errors
@@ -136,8 +145,7 @@ impl Auditor {
         unculled: &ItemImage,
         record: &FrameRecord,
     ) -> Result<CullingDifference, AuditError> {
-        let (view, rule) = self.redrawer.seen_from(&record.camera);
-        let shown = self.draw_items(&view, &rule, &record.ids)?;
+        let shown = self.items(record)?;
         let drawn: Vec<u32> = record.ids.iter().map(|id| id.0).collect();
         let lost = false_culls(&items_of(unculled)?, &items_of(&shown)?, &drawn)?;
         let pixels = (unculled.drawable.iter().zip(&unculled.triangle))

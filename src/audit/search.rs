@@ -1,0 +1,254 @@
+//! A search for a frame whose pixels culling changes, on a Vulkan device.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use serde::{Deserialize, Serialize};
+use tokio::runtime::Handle;
+use trimaran_actors::Stop;
+use trimaran_audit::search::{Trial, shrink};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, Optional};
+use trimaran_proto::OcclusionTestKind;
+use trimaran_scene::random::Random;
+
+use super::{
+    CaseWalkError, Figures,
+    trial::{Judgement, TrialCulling, TrialOnDevice, TrialWalkError},
+};
+
+/// Frames of a trial, and the ways in which it is culled: enough that drawing them without culling, and
+/// opening passes, take little of the time.
+const FRAMES: usize = 40;
+const CULLINGS: usize = 5;
+
+/// Memory for triangles that holds only a part of many trials.
+const LITTLE_MEMORY: u64 = 16 << 10;
+
+/// The most trials to walk for a smallest failing one.
+const TRIES: u32 = 1500;
+
+/// A trial, and how it is culled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeptTrial {
+    /// How it is culled.
+    #[serde(flatten)]
+    pub culling: TrialCulling,
+    /// How the device is opened.
+    #[serde(flatten)]
+    pub opening: Opening,
+    /// The trial.
+    pub trial: Trial,
+}
+
+/// How a device is opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Opening {
+    /// Its memory for triangles, bytes, if it is bounded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gpu_memory: Option<u64>,
+    /// Whether it traverses the tree, whatever its kind, and each traversal is compared with the host's.
+    #[serde(default)]
+    pub check_device: bool,
+}
+
+/// What a search has done.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct SearchCounts {
+    /// Scenes with their walks.
+    pub trials: u64,
+    /// Frames that were culled and compared.
+    pub frames: u64,
+    /// Pixels of them that culling changed.
+    pub wrong_pixels: u64,
+    /// Drawables that culling lost.
+    pub lost_nodes: u64,
+    /// Drawables that were drawn, of all frames.
+    pub drawn: u64,
+    /// Drawables that would have been drawn without culling.
+    pub whole: u64,
+}
+
+/// A trial on which culling fails.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The seed of the trial.
+    pub seed: u64,
+    /// A smallest failing one.
+    pub least: KeptTrial,
+    /// What is wrong with it.
+    pub wrong: Wrong,
+}
+
+/// What is wrong with a walk.
+#[derive(Debug, Clone)]
+pub enum Wrong {
+    /// It has wrong pixels, or lost drawables.
+    Pixels(Figures, Judgement),
+    /// It ended with an error.
+    Error(String),
+}
+
+/// Trials of one seed after the other on a device.
+pub struct Search {
+    options: GpuOptions,
+    gpus: BTreeMap<Opening, Arc<Gpu>>,
+    runtime: Handle,
+    has_float64: bool,
+    counts: SearchCounts,
+}
+
+impl Search {
+    /// Opens the device.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn open(options: GpuOptions, runtime: &Handle) -> Result<Self, GpuError> {
+        let mut search = Self {
+            options,
+            gpus: BTreeMap::new(),
+            runtime: runtime.clone(),
+            has_float64: false,
+            counts: SearchCounts::default(),
+        };
+        let lacks = &search.gpu(Opening::default())?.info().lacks;
+        search.has_float64 = !lacks.contains(&Optional::Float64);
+        Ok(search)
+    }
+
+    /// The device's name and its driver.
+    ///
+    /// # Errors
+    /// If the device cannot be opened.
+    pub fn driver(&mut self) -> Result<String, GpuError> {
+        let info = self.gpu(Opening::default())?.info().clone();
+        Ok(format!("{}, {}", info.name, info.driver))
+    }
+
+    /// What has been done until now.
+    #[must_use]
+    pub const fn counts(&self) -> &SearchCounts {
+        &self.counts
+    }
+
+    /// Draws the trial of a seed, and walks it in some ways. Ends early if `stop` is requested.
+    ///
+    /// # Errors
+    /// If the device cannot be opened.
+    pub fn trial(&mut self, seed: u64, stop: &Stop) -> Result<Vec<Found>, GpuError> {
+        let trial = Trial::draw(seed, FRAMES);
+        let mut random = Random::stream(seed, 0x77_6179_73, 0);
+        let opening = self.opening(&mut random);
+        let gpu = Arc::clone(self.gpu(opening)?);
+        self.counts.trials += 1;
+        let mut found = Vec::new();
+        let mut on_device = TrialOnDevice::new(&trial, &gpu, &self.runtime);
+        for culling in cullings(&mut random, opening) {
+            if stop.requested() {
+                break;
+            }
+            let walked = match &mut on_device {
+                Ok(on_device) => on_device.walk(culling).map_err(|error| words(&error)),
+                Err(error) => Err(words(error)),
+            };
+            self.count(walked.as_ref().ok());
+            if walked.is_ok_and(|figures| figures.is_exact()) {
+                continue;
+            }
+            let kept = KeptTrial { culling, opening, trial: trial.clone() };
+            found.extend(self.shrunk(seed, kept, stop)?);
+        }
+        Ok(found)
+    }
+
+    /// Walks a trial; `None` if nothing is wrong.
+    ///
+    /// # Errors
+    /// If the device cannot be opened.
+    pub fn replay(&mut self, kept: &KeptTrial) -> Result<Option<Wrong>, GpuError> {
+        let walked = self.walk(kept)?;
+        self.counts.trials += 1;
+        self.count(walked.as_ref().ok());
+        Ok(match walked {
+            Ok(figures) if figures.is_exact() => None,
+            Ok(figures) => Some(Wrong::Pixels(figures, self.judge(kept)?)),
+            Err(error) => Some(Wrong::Error(words(&error))),
+        })
+    }
+
+    fn shrunk(&mut self, seed: u64, kept: KeptTrial, stop: &Stop) -> Result<Option<Found>, GpuError> {
+        let KeptTrial { culling, opening, trial } = kept;
+        let fails = |trial: &Trial| {
+            let kept = KeptTrial { culling, opening, trial: trial.clone() };
+            !stop.requested()
+                && match self.walk(&kept) {
+                    Ok(Ok(figures)) => !figures.is_exact(),
+                    Ok(Err(error)) => !matches!(
+                        error,
+                        TrialWalkError::Trial(_) | TrialWalkError::Walk(CaseWalkError::NoView)
+                    ),
+                    Err(_) => false,
+                }
+        };
+        let trial = shrink(trial, TRIES, fails);
+        let least = KeptTrial { culling, opening, trial };
+        let wrong = match self.walk(&least)? {
+            Ok(figures) => Wrong::Pixels(figures, self.judge(&least)?),
+            Err(error) => Wrong::Error(words(&error)),
+        };
+        Ok(Some(Found { seed, least, wrong }))
+    }
+
+    fn walk(&mut self, kept: &KeptTrial) -> Result<Result<Figures, TrialWalkError>, GpuError> {
+        let gpu = Arc::clone(self.gpu(kept.opening)?);
+        let on_device = TrialOnDevice::new(&kept.trial, &gpu, &self.runtime);
+        Ok(on_device.and_then(|mut on_device| on_device.walk(kept.culling)))
+    }
+
+    fn judge(&mut self, kept: &KeptTrial) -> Result<Judgement, GpuError> {
+        let gpu = Arc::clone(self.gpu(kept.opening)?);
+        let on_device = TrialOnDevice::new(&kept.trial, &gpu, &self.runtime);
+        Ok(on_device.and_then(|mut on_device| on_device.judge(kept.culling)).unwrap_or_default())
+    }
+
+    fn opening(&self, random: &mut Random) -> Opening {
+        match random.below(4) {
+            0 => Opening { gpu_memory: Some(LITTLE_MEMORY), check_device: false },
+            1 if self.has_float64 => Opening { gpu_memory: None, check_device: true },
+            _ => Opening::default(),
+        }
+    }
+
+    fn gpu(&mut self, opening: Opening) -> Result<&Arc<Gpu>, GpuError> {
+        if !self.gpus.contains_key(&opening) {
+            let Opening { gpu_memory, check_device } = opening;
+            let memory = gpu_memory.or(self.options.memory);
+            let check_traversals = check_device || self.options.check_traversals;
+            let gpu = Gpu::open(&GpuOptions { memory, check_traversals, ..self.options.clone() })?;
+            self.gpus.insert(opening, gpu);
+        }
+        self.gpus.get(&opening).ok_or(GpuError::NotBegun("the device"))
+    }
+
+    fn count(&mut self, figures: Option<&Figures>) {
+        let Some(figures) = figures else { return };
+        self.counts.frames += u64::from(figures.frames);
+        self.counts.wrong_pixels += figures.wrong_pixels;
+        self.counts.lost_nodes += figures.lost_nodes;
+        self.counts.drawn += figures.drawn;
+        self.counts.whole += figures.whole;
+    }
+}
+
+/// Some of the ways to cull. A device that traverses the tree does so for one occlusion test.
+fn cullings(random: &mut Random, opening: Opening) -> Vec<TrialCulling> {
+    let mut all = TrialCulling::all();
+    all.retain(|culling| !opening.check_device || culling.occlusion_test == OcclusionTestKind::Hzb);
+    while all.len() > CULLINGS {
+        all.swap_remove(random.below(all.len()));
+    }
+    all
+}
+
+fn words(error: &TrialWalkError) -> String {
+    trimaran_transport::causes(error)
+}

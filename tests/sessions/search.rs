@@ -1,0 +1,22 @@
+//! A short search for a frame whose pixels culling changes.
+
+use tokio::runtime::Runtime;
+use trimaran::audit::Search;
+use trimaran_actors::Stop;
+use trimaran_gpu::GpuOptions;
+
+use crate::common::devices;
+
+#[test]
+fn a_short_search_finds_nothing() {
+    let Some(_) = devices() else { return };
+    let runtime = Runtime::new().unwrap();
+    let mut search = Search::open(GpuOptions::default(), runtime.handle()).unwrap();
+    let (_stopper, stop) = Stop::new();
+    for seed in 0..8 {
+        let begun = std::time::Instant::now();
+        let found = search.trial(seed, &stop).unwrap();
+        println!("{seed}: {:?} {:?}", begun.elapsed(), search.counts());
+        assert!(found.is_empty(), "{}", serde_json::to_string(&found[0].least).unwrap());
+    }
+}
