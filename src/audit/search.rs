@@ -68,17 +68,6 @@ pub struct SearchCounts {
     pub whole: u64,
 }
 
-/// A trial on which culling fails.
-#[derive(Debug, Clone)]
-pub struct Found {
-    /// The seed of the trial.
-    pub seed: u64,
-    /// A smallest failing one.
-    pub least: KeptTrial,
-    /// What is wrong with it.
-    pub wrong: Wrong,
-}
-
 /// What is wrong with a walk.
 #[derive(Debug, Clone)]
 pub enum Wrong {
@@ -130,34 +119,36 @@ impl Search {
         &self.counts
     }
 
-    /// Draws the trial of a seed, and walks it in some ways. Ends early if `stop` is requested.
+    /// Draws the trial of a seed, walks it in some ways, and returns those that fail. Ends early if `stop` is
+    /// requested.
     ///
     /// # Errors
     /// If the device cannot be opened.
-    pub fn trial(&mut self, seed: u64, stop: &Stop) -> Result<Vec<Found>, GpuError> {
+    pub fn trial(&mut self, seed: u64, stop: &Stop) -> Result<Vec<(KeptTrial, Wrong)>, GpuError> {
         let trial = Trial::draw(seed, FRAMES);
         let mut random = Random::stream(seed, 0x77_6179_73, 0);
         let opening = self.opening(&mut random);
         let gpu = Arc::clone(self.gpu(opening)?);
         self.counts.trials += 1;
-        let mut found = Vec::new();
         let mut on_device = TrialOnDevice::new(&trial, &gpu, &self.runtime);
+        let mut wrong = Vec::new();
         for culling in cullings(&mut random, opening) {
             if stop.requested() {
                 break;
             }
             let walked = match &mut on_device {
-                Ok(on_device) => on_device.walk(culling).map_err(|error| words(&error)),
+                Ok(on_device) => on_device.judged(culling).map_err(|error| words(&error)),
                 Err(error) => Err(words(error)),
             };
-            self.count(walked.as_ref().ok());
-            if walked.is_ok_and(|figures| figures.is_exact()) {
-                continue;
-            }
-            let kept = KeptTrial { culling, opening, trial: trial.clone() };
-            found.extend(self.shrunk(seed, kept, stop)?);
+            self.count(walked.as_ref().ok().map(|(figures, _)| figures));
+            let fault = match walked {
+                Ok((figures, _)) if figures.is_exact() => continue,
+                Ok((figures, judgement)) => Wrong::Pixels(figures, judgement),
+                Err(error) => Wrong::Error(error),
+            };
+            wrong.push((KeptTrial { culling, opening, trial: trial.clone() }, fault));
         }
-        Ok(found)
+        Ok(wrong)
     }
 
     /// Walks a trial; `None` if nothing is wrong.
@@ -167,47 +158,49 @@ impl Search {
     pub fn replay(&mut self, kept: &KeptTrial) -> Result<Option<Wrong>, GpuError> {
         let walked = self.walk(kept)?;
         self.counts.trials += 1;
-        self.count(walked.as_ref().ok());
+        self.count(walked.as_ref().ok().map(|(figures, _)| figures));
         Ok(match walked {
-            Ok(figures) if figures.is_exact() => None,
-            Ok(figures) => Some(Wrong::Pixels(figures, self.judge(kept)?)),
+            Ok((figures, _)) if figures.is_exact() => None,
+            Ok((figures, judgement)) => Some(Wrong::Pixels(figures, judgement)),
             Err(error) => Some(Wrong::Error(words(&error))),
         })
     }
 
-    fn shrunk(&mut self, seed: u64, kept: KeptTrial, stop: &Stop) -> Result<Option<Found>, GpuError> {
+    /// The smallest trial that fails as this one does: by the culler's fault or the driver's, or with an
+    /// error. Calls `progress` after each try. Ends early if `stop` is requested.
+    pub fn shrink(
+        &mut self,
+        kept: KeptTrial,
+        wrong: &Wrong,
+        stop: &Stop,
+        mut progress: impl FnMut(),
+    ) -> KeptTrial {
         let KeptTrial { culling, opening, trial } = kept;
         let fails = |trial: &Trial| {
+            if stop.requested() {
+                return false;
+            }
+            progress();
             let kept = KeptTrial { culling, opening, trial: trial.clone() };
-            !stop.requested()
-                && match self.walk(&kept) {
-                    Ok(Ok(figures)) => !figures.is_exact(),
-                    Ok(Err(error)) => !matches!(
-                        error,
-                        TrialWalkError::Trial(_) | TrialWalkError::Walk(CaseWalkError::NoView)
-                    ),
-                    Err(_) => false,
+            match (self.walk(&kept), wrong) {
+                (Ok(Ok((figures, judgement))), Wrong::Pixels(_, before)) => {
+                    !figures.is_exact() && (judgement.culler > 0 || before.culler == 0)
                 }
+                (Ok(Err(TrialWalkError::Trial(_) | TrialWalkError::Walk(CaseWalkError::NoView))), _) => false,
+                (Ok(Err(_)), Wrong::Error(_)) => true,
+                _ => false,
+            }
         };
-        let trial = shrink(trial, TRIES, fails);
-        let least = KeptTrial { culling, opening, trial };
-        let wrong = match self.walk(&least)? {
-            Ok(figures) => Wrong::Pixels(figures, self.judge(&least)?),
-            Err(error) => Wrong::Error(words(&error)),
-        };
-        Ok(Some(Found { seed, least, wrong }))
+        KeptTrial { culling, opening, trial: shrink(trial, TRIES, fails) }
     }
 
-    fn walk(&mut self, kept: &KeptTrial) -> Result<Result<Figures, TrialWalkError>, GpuError> {
+    fn walk(
+        &mut self,
+        kept: &KeptTrial,
+    ) -> Result<Result<(Figures, Judgement), TrialWalkError>, GpuError> {
         let gpu = Arc::clone(self.gpu(kept.opening)?);
         let on_device = TrialOnDevice::new(&kept.trial, &gpu, &self.runtime);
-        Ok(on_device.and_then(|mut on_device| on_device.walk(kept.culling)))
-    }
-
-    fn judge(&mut self, kept: &KeptTrial) -> Result<Judgement, GpuError> {
-        let gpu = Arc::clone(self.gpu(kept.opening)?);
-        let on_device = TrialOnDevice::new(&kept.trial, &gpu, &self.runtime);
-        Ok(on_device.and_then(|mut on_device| on_device.judge(kept.culling)).unwrap_or_default())
+        Ok(on_device.and_then(|mut on_device| on_device.judged(kept.culling)))
     }
 
     fn opening(&self, random: &mut Random) -> Opening {

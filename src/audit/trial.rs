@@ -125,32 +125,17 @@ impl TrialOnDevice {
         Ok(Self { scene, drawn, states, cameras, views, auditor, truth, runtime: runtime.clone() })
     }
 
-    /// Walks the trial, and compares each frame with the one without culling.
+    /// Walks the trial, compares each frame with the one without culling, and holds wrong pixels against a
+    /// rasterizer in f64.
     ///
     /// # Errors
     /// If the device fails, or a role.
-    pub fn walk(&mut self, culling: TrialCulling) -> Result<Figures, TrialWalkError> {
-        let mut figures = Figures::default();
+    pub fn judged(&mut self, culling: TrialCulling) -> Result<(Figures, Judgement), TrialWalkError> {
+        let (mut figures, mut judgement) = Default::default();
         for record in self.records(culling)? {
-            self.compare(&record, &mut figures)?;
+            self.compare(&record, &mut figures, &mut judgement)?;
         }
-        Ok(figures)
-    }
-
-    /// Walks the trial again, and holds its wrong pixels against a rasterizer in f64.
-    ///
-    /// # Errors
-    /// As [`walk`](Self::walk).
-    pub fn judge(&mut self, culling: TrialCulling) -> Result<Judgement, TrialWalkError> {
-        let mut judgement = Judgement::default();
-        for record in self.records(culling)? {
-            let Some(truth) = self.truth.get(record.camera.frame().0 as usize) else { continue };
-            let shown = self.auditor.items(&record)?;
-            let view = self.views.view(record.camera);
-            let rule = self.views.rule(&self.scene, &record.camera);
-            judgement.add(&self.scene, &view, &rule, truth, &shown);
-        }
-        Ok(judgement)
+        Ok((figures, judgement))
     }
 
     fn records(&self, culling: TrialCulling) -> Result<Vec<FrameRecord>, CaseWalkError> {
@@ -164,7 +149,12 @@ impl TrialOnDevice {
         Played { scene, drawn, views: &views, cameras }.by(culling.system, settings, runtime)
     }
 
-    fn compare(&mut self, record: &FrameRecord, figures: &mut Figures) -> Result<(), TrialWalkError> {
+    fn compare(
+        &mut self,
+        record: &FrameRecord,
+        figures: &mut Figures,
+        judgement: &mut Judgement,
+    ) -> Result<(), TrialWalkError> {
         let number = record.camera.frame();
         let Some(truth) = self.truth.get(number.0 as usize) else { return Ok(()) };
         figures.drawn += record.ids.len() as u64;
@@ -182,6 +172,11 @@ impl TrialOnDevice {
             difference.pixels = difference.pixels.max(wrong);
         }
         figures.add(number, difference.pixels, difference.lost_nodes);
+        if difference.pixels > 0 {
+            let shown = self.auditor.items(record)?;
+            let (view, rule) = (self.views.view(record.camera), self.views.rule(&self.scene, &record.camera));
+            judgement.add(&self.scene, &view, &rule, truth, &shown);
+        }
         Ok(())
     }
 }
