@@ -9,16 +9,16 @@ mod device;
 mod figures;
 mod hard;
 mod oracle;
+mod search;
 mod stability;
 mod tables;
-mod search;
 mod trial;
 
 pub use device::{CaseOnDevice, CaseWalkError, Way};
 pub use figures::Figures;
 pub use hard::{Cell, Driver, HardCases, MeasureError, Row, hard, hard_count};
 pub use oracle::walk_reference;
+pub use search::{KeptTrial, Opening, Search, SearchCounts, Wrong};
 pub use stability::{Curve, Curves, Point};
 pub use tables::{page, table};
-pub use search::{KeptTrial, Opening, Search, SearchCounts, Wrong};
 pub use trial::{Judgement, TrialCulling, TrialOnDevice, TrialWalkError};

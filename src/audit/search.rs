@@ -1,6 +1,6 @@
 //! A search for a frame whose pixels culling changes, on a Vulkan device.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{collections::BTreeMap, fmt, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use tokio::runtime::Handle;
@@ -9,6 +9,7 @@ use trimaran_audit::search::{Trial, shrink};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, Optional};
 use trimaran_proto::OcclusionTestKind;
 use trimaran_scene::random::Random;
+use trimaran_transport::causes;
 
 use super::{
     CaseWalkError, Figures,
@@ -77,6 +78,37 @@ pub enum Wrong {
     Error(String),
 }
 
+impl Wrong {
+    /// Whether both are errors, or both wrong pixels by the fault of the same side.
+    fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Error(_), Self::Error(_)) => true,
+            (Self::Pixels(_, one), Self::Pixels(_, other)) => one.is_of_driver() == other.is_of_driver(),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Wrong {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Error(error) => f.write_str(error),
+            Self::Pixels(figures, Judgement { driver, culler, neither }) => {
+                let Figures { wrong_pixels, lost_nodes, outside_cut, .. } = figures;
+                write!(
+                    f,
+                    "{wrong_pixels} wrong pixels, {lost_nodes} lost nodes; in f64, {driver} pixels are right with \
+                     culling, {culler} without, {neither} are neither"
+                )?;
+                if *outside_cut > 0 {
+                    write!(f, "; {outside_cut} drawables are not of the LOD cut")?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
 /// Trials of one seed after the other on a device.
 pub struct Search {
     options: GpuOptions,
@@ -137,8 +169,8 @@ impl Search {
                 break;
             }
             let walked = match &mut on_device {
-                Ok(on_device) => on_device.judged(culling).map_err(|error| words(&error)),
-                Err(error) => Err(words(error)),
+                Ok(on_device) => on_device.judged(culling).map_err(|error| causes(&error)),
+                Err(error) => Err(causes(error)),
             };
             self.count(walked.as_ref().ok().map(|(figures, _)| figures));
             let fault = match walked {
@@ -162,19 +194,18 @@ impl Search {
         Ok(match walked {
             Ok((figures, _)) if figures.is_exact() => None,
             Ok((figures, judgement)) => Some(Wrong::Pixels(figures, judgement)),
-            Err(error) => Some(Wrong::Error(words(&error))),
+            Err(error) => Some(Wrong::Error(causes(&error))),
         })
     }
 
-    /// The smallest trial that fails as this one does: by the culler's fault or the driver's, or with an
-    /// error. Calls `progress` after each try. Ends early if `stop` is requested.
+    /// The smallest trial that fails as this one does, and what is wrong with it. Calls `progress` after each try. Ends early if `stop` is requested.
     pub fn shrink(
         &mut self,
         kept: KeptTrial,
-        wrong: &Wrong,
+        mut wrong: Wrong,
         stop: &Stop,
         mut progress: impl FnMut(),
-    ) -> KeptTrial {
+    ) -> (KeptTrial, Wrong) {
         let KeptTrial { culling, opening, trial } = kept;
         let fails = |trial: &Trial| {
             if stop.requested() {
@@ -182,22 +213,24 @@ impl Search {
             }
             progress();
             let kept = KeptTrial { culling, opening, trial: trial.clone() };
-            match (self.walk(&kept), wrong) {
-                (Ok(Ok((figures, judgement))), Wrong::Pixels(_, before)) => {
-                    !figures.is_exact() && (judgement.culler > 0 || before.culler == 0)
+            let now = match self.walk(&kept) {
+                Ok(Ok((figures, judgement))) if !figures.is_exact() => Wrong::Pixels(figures, judgement),
+                Ok(Err(TrialWalkError::Walk(error))) if !matches!(error, CaseWalkError::NoView) => {
+                    Wrong::Error(causes(&error))
                 }
-                (Ok(Err(TrialWalkError::Trial(_) | TrialWalkError::Walk(CaseWalkError::NoView))), _) => false,
-                (Ok(Err(_)), Wrong::Error(_)) => true,
-                _ => false,
+                _ => return false,
+            };
+            let is_alike = wrong.is_like(&now);
+            if is_alike {
+                wrong = now;
             }
+            is_alike
         };
-        KeptTrial { culling, opening, trial: shrink(trial, TRIES, fails) }
+        let trial = shrink(trial, TRIES, fails);
+        (KeptTrial { culling, opening, trial }, wrong)
     }
 
-    fn walk(
-        &mut self,
-        kept: &KeptTrial,
-    ) -> Result<Result<(Figures, Judgement), TrialWalkError>, GpuError> {
+    fn walk(&mut self, kept: &KeptTrial) -> Result<Result<(Figures, Judgement), TrialWalkError>, GpuError> {
         let gpu = Arc::clone(self.gpu(kept.opening)?);
         let on_device = TrialOnDevice::new(&kept.trial, &gpu, &self.runtime);
         Ok(on_device.and_then(|mut on_device| on_device.judged(kept.culling)))
@@ -240,8 +273,4 @@ fn cullings(random: &mut Random, opening: Opening) -> Vec<TrialCulling> {
         all.swap_remove(random.below(all.len()));
     }
     all
-}
-
-fn words(error: &TrialWalkError) -> String {
-    trimaran_transport::causes(error)
 }

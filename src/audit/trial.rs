@@ -1,6 +1,6 @@
 //! Walks a trial on a Vulkan device.
 
-use std::sync::Arc;
+use std::{fmt, ops::AddAssign, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -16,7 +16,7 @@ use trimaran_scene::Scene;
 
 use super::{
     device::{CaseWalkError, Played, Way, one_for_each_change},
-    figures::Figures,
+    figures::{Figures, outside},
 };
 use crate::{
     comparison::System,
@@ -83,6 +83,14 @@ pub struct Judgement {
     pub culler: u64,
     /// It shows something else: surfaces of one depth, or an edge.
     pub neither: u64,
+}
+
+impl AddAssign for Judgement {
+    fn add_assign(&mut self, other: Self) {
+        self.driver += other.driver;
+        self.culler += other.culler;
+        self.neither += other.neither;
+    }
 }
 
 /// A trial on a device. The pictures without culling are drawn once.
@@ -163,6 +171,7 @@ impl TrialOnDevice {
             figures.add(number, 0, 0);
             return Ok(());
         }
+        figures.outside_cut += outside(&record.ids, &truth.cut);
         let mut difference = self.auditor.triangle_difference(&truth.items, record)?;
         if let Some(picture) = &truth.picture {
             let mut shown = Image::default();
@@ -181,10 +190,27 @@ impl TrialOnDevice {
     }
 }
 
+impl fmt::Display for TrialCulling {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}", self.system, self.occlusion_test)
+    }
+}
+
 impl Judgement {
+    /// Whether each wrong pixel is right with culling.
+    #[must_use]
+    pub const fn is_of_driver(&self) -> bool {
+        self.driver > 0 && self.culler == 0 && self.neither == 0
+    }
+
     fn add(&mut self, scene: &Scene, view: &View, rule: &CutRule, truth: &Truth, shown: &ItemImage) {
         let pairs = |items: &ItemImage| -> Vec<[u32; 2]> {
-            items.drawable.iter().zip(&items.triangle).map(|(drawable, triangle)| [*drawable, *triangle]).collect()
+            items
+                .drawable
+                .iter()
+                .zip(&items.triangle)
+                .map(|(drawable, triangle)| [*drawable, *triangle])
+                .collect()
         };
         let (whole, shown) = (pairs(&truth.items), pairs(shown));
         if whole == shown {
@@ -192,7 +218,10 @@ impl Judgement {
         }
         let solid = rule.divide(scene, &truth.cut, &mut Vec::new());
         let right = rasterize(scene, view, solid.iter().copied(), Placement::Exact);
-        let right = right.ids().iter().map(|id| id.map_or([ItemImage::BACKGROUND; 2], |id| [id.drawable.0, id.triangle]));
+        let right = right
+            .ids()
+            .iter()
+            .map(|id| id.map_or([ItemImage::BACKGROUND; 2], |id| [id.drawable.0, id.triangle]));
         for ((whole, shown), right) in whole.into_iter().zip(shown).zip(right).filter(|((a, b), _)| a != b) {
             let count = match right {
                 _ if right == shown => &mut self.driver,

@@ -18,7 +18,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
 #[cfg(feature = "lab")]
-pub(crate) use audit::{AuditCommand, HardArgs};
+pub(crate) use audit::{AuditCommand, HardArgs, SearchArgs};
 #[cfg(feature = "lab")]
 pub(crate) use compare::CompareArgs;
 pub(crate) use cullers::CullerArgs;

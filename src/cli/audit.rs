@@ -1,5 +1,7 @@
 //! `trimaran audit`: checks of culling on cases made for it.
 
+mod search;
+
 use std::{collections::BTreeSet, fs, sync::Arc};
 
 use trimaran::audit::{Curves, hard, hard_count, page, table};
@@ -16,6 +18,7 @@ use super::{
 pub(super) fn run(command: &AuditCommand) -> Result<(), Failure> {
     match command {
         AuditCommand::Hard(args) => run_hard(args),
+        AuditCommand::Search(args) => search::run(args),
     }
 }
 

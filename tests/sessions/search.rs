@@ -20,8 +20,8 @@ fn a_short_search_finds_nothing() {
         for (kept, wrong) in found {
             println!("{:?} {:?} {wrong:?}", kept.culling, kept.opening);
             let mut tries = 0;
-            let least = search.shrink(kept, &wrong, &stop, || tries += 1);
-            println!("{tries} tries {}", serde_json::to_string(&least).unwrap());
+            let (least, wrong) = search.shrink(kept, wrong, &stop, || tries += 1);
+            println!("{wrong}: {tries} tries {}", serde_json::to_string(&least).unwrap());
         }
     }
 }

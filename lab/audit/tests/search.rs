@@ -29,9 +29,17 @@ fn nothing_is_lost_on_trials_at_random() {
 
 #[test]
 fn rates() {
-    for fault in [Fault::None, Fault::OtherLevels, Fault::StaleDepth, Fault::SmallBoxes(0.99), Fault::NoInflation(1e-4), Fault::NoOutline] {
+    for fault in [
+        Fault::None,
+        Fault::OtherLevels,
+        Fault::StaleDepth,
+        Fault::SmallBoxes(0.99),
+        Fault::NoInflation(1e-4),
+        Fault::NoOutline,
+    ] {
         for testing in BOTH {
-            let verdicts: Vec<Verdict> = (0..150).map(|seed| judge(&Trial::draw(seed, 12), testing, fault).unwrap()).collect();
+            let verdicts: Vec<Verdict> =
+                (0..150).map(|seed| judge(&Trial::draw(seed, 12), testing, fault).unwrap()).collect();
             let found = verdicts.iter().filter(|v| !v.is_sound()).count();
             let hidden: u64 = verdicts.iter().map(|v| v.hidden).sum();
             let with = verdicts.iter().filter(|v| v.hidden > 0).count();

@@ -10,6 +10,9 @@ pub(crate) enum AuditCommand {
     /// Walk the hard cases of culling in every system with every occlusion test, on the f64 oracle and on
     /// every Vulkan device: wrong pixels, lost nodes, toggles. The exit code is 1 if a figure is wrong.
     Hard(HardArgs),
+    /// Draw scenes and walks at random, and search for a frame whose pixels culling changes. The exit code is
+    /// 1 if there is one; the smallest such walk is written to a file.
+    Search(SearchArgs),
 }
 
 #[derive(Debug, Args)]
@@ -38,6 +41,28 @@ pub(crate) struct HardArgs {
     /// and the picture's size.
     #[arg(long, value_name = "FILE.md")]
     pub(crate) out: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    /// Stop once this many frames were culled and compared.
+    #[arg(long, value_name = "N", default_value_t = 20_000)]
+    pub(crate) frames: u64,
+    /// The seed of the first walk; each later one has the next number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The Vulkan device, by a part of its name [default: the best there is].
+    #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
+    pub(crate) device: Option<String>,
+    /// Where to write the smallest walks that fail.
+    #[arg(long, value_name = "DIR", default_value = "found")]
+    pub(crate) keep: PathBuf,
+    /// Walk what an earlier search has written, instead of searching.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["frames", "seed", "keep"])]
+    pub(crate) replay: Option<PathBuf>,
     /// Print as JSON.
     #[arg(long)]
     pub(crate) json: bool,

@@ -115,10 +115,13 @@ impl<'s> Cameraman<'s> {
             Move::Through if step == 0 => {
                 let Some((middle, half)) = self.any(random) else { return };
                 let direction = self.world.direction(random);
-                let distance = half.col(random.below(3)).length() * random.unit() + f64::from(self.frame.near);
+                let distance =
+                    half.col(random.below(3)).length() * random.unit() + f64::from(self.frame.near);
                 self.stand(middle - direction * distance, direction);
             }
-            Move::Through => self.walk(self.forward() * f64::from(self.frame.near) * random.between(-0.2, 0.6)),
+            Move::Through => {
+                self.walk(self.forward() * f64::from(self.frame.near) * random.between(-0.2, 0.6))
+            }
             Move::Along if step == 0 => self.look_along(random),
             Move::Along => self.walk(self.forward() * scale * magnitude(random, 1e-5, 0.1)),
             Move::Zoom => self.zoom(random),

@@ -145,12 +145,15 @@ impl Builder {
             14 => turn * mirror,
             15..17 => {
                 let stretch = random.point(DVec3::splat(-3.0), DVec3::splat(3.0));
-                turn * Mat3::from_diagonal(Vec3::from_array(stretch.as_vec3().to_array().map(|x| 10_f32.powf(x))))
+                turn * Mat3::from_diagonal(Vec3::from_array(
+                    stretch.as_vec3().to_array().map(|x| 10_f32.powf(x)),
+                ))
             }
             17 => Mat3::from_diagonal(Vec3::new(1.0, random.pick([0.0, 1e-5, 1.0]), 1.0)),
             _ => {
                 let mut slant = || random.between(-1.0, 1.0) as f32;
-                let shear = Mat3::from_cols(Vec3::X, Vec3::new(slant(), 1.0, 0.0), Vec3::new(slant(), slant(), 1.0));
+                let shear =
+                    Mat3::from_cols(Vec3::X, Vec3::new(slant(), 1.0, 0.0), Vec3::new(slant(), slant(), 1.0));
                 turn * shear
             }
         }
