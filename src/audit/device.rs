@@ -237,25 +237,27 @@ fn settings(way: &Way, size: Viewport) -> Settings {
 
 /// The view states of a case. `None` without a view.
 fn view_states(views: &[View], way: &Way) -> Option<ViewStates> {
+    let first = settings(way, views.first()?.viewport());
     let state = |view: &View| ViewState {
         sections: *view.sections(),
         ..ViewState::from(settings(way, view.viewport()))
     };
-    one_for_each_change(&views.iter().map(state).collect::<Vec<_>>())
+    Some(changes(first, views.iter().map(state)))
 }
 
-/// The view states of frames: one more wherever they change. `None` without a frame.
-pub(super) fn one_for_each_change(states: &[ViewState]) -> Option<ViewStates> {
-    let (first, rest) = states.split_first()?;
-    let mut last = first;
+/// The view states of frames that follow each other in a session of these settings: one more wherever they
+/// change. The roles take the first one from the settings.
+pub(super) fn changes(settings: Settings, states: impl IntoIterator<Item = ViewState>) -> ViewStates {
+    let first = ViewState::from(settings);
+    let mut last = first.clone();
     let mut later = Vec::new();
-    for (pose, state) in (1..).zip(rest) {
+    for (pose, state) in (0..).zip(states) {
         if state != last {
-            last = state;
-            later.push(ViewChange { pose, state: state.clone().into() });
+            last = state.clone();
+            later.push(ViewChange { pose, state: state.into() });
         }
     }
-    Some(ViewStates::new(first.clone(), later))
+    ViewStates::new(first, later)
 }
 
 /// A case's cameras, numbered from 0.

@@ -15,7 +15,7 @@ use trimaran_proto::{Camera, DrawableId, LodRule, OcclusionTestKind, Settings, V
 use trimaran_scene::Scene;
 
 use super::{
-    device::{CaseWalkError, Played, Way, one_for_each_change},
+    device::{CaseWalkError, Played, Way, changes},
     figures::{Figures, outside},
 };
 use crate::{
@@ -114,7 +114,8 @@ impl TrialOnDevice {
         let scene = trial.scene()?;
         let states = trial.frames.iter().map(|frame| frame.view_state(OcclusionTestKind::Hzb));
         let states = states.collect::<Result<Vec<_>, _>>()?;
-        let views = one_for_each_change(&states).ok_or(CaseWalkError::NoView)?;
+        let settings = settings(&states, OcclusionTestKind::Hzb).ok_or(CaseWalkError::NoView)?;
+        let views = changes(settings, states.iter().cloned());
         let cameras = (0..).zip(&trial.frames).map(|(number, frame)| {
             Ok(frame.camera(number).map_err(TrialError::from)?.in_view(views.version_at(number)))
         });
@@ -148,11 +149,9 @@ impl TrialOnDevice {
 
     fn records(&self, culling: TrialCulling) -> Result<Vec<FrameRecord>, CaseWalkError> {
         let test = culling.occlusion_test;
-        let states: Vec<ViewState> =
-            self.states.iter().map(|state| ViewState { occlusion_test: test, ..state.clone() }).collect();
-        let views = one_for_each_change(&states).ok_or(CaseWalkError::NoView)?;
-        let first = states.first().ok_or(CaseWalkError::NoView)?;
-        let settings = Settings { occlusion_test: test, ..Settings::new(first.viewport, first.lod) };
+        let settings = settings(&self.states, test).ok_or(CaseWalkError::NoView)?;
+        let states = self.states.iter().map(|state| ViewState { occlusion_test: test, ..state.clone() });
+        let views = changes(settings, states);
         let Self { scene, drawn, cameras, runtime, .. } = self;
         Played { scene, drawn, views: &views, cameras }.by(culling.system, settings, runtime)
     }
@@ -231,4 +230,10 @@ impl Judgement {
             *count += 1;
         }
     }
+}
+
+/// The settings of a session that begins with the first of these.
+fn settings(states: &[ViewState], occlusion_test: OcclusionTestKind) -> Option<Settings> {
+    let first = states.first()?;
+    Some(Settings { occlusion_test, ..Settings::new(first.viewport, first.lod) })
 }

@@ -21,6 +21,7 @@ use crate::scene::Hold;
 use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{Pass, PassTiming, Stopwatch};
+use crate::wait::{SLICE, Wait};
 #[cfg(feature = "window")]
 use crate::window::Acquired;
 use crate::{Gpu, GpuError, GpuScene};
@@ -201,13 +202,14 @@ impl ScenePass {
     }
 
     /// Adds the draws in order. If their geometry does not fit the working set at once, the earlier draws are
-    /// submitted first, and their geometry makes room.
+    /// submitted first, and their geometry makes room. Draws of other threads are waited for.
     fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.depth_version += 1;
         let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
         // Cut or see-through drawables show their inside.
         let opaque = self.style == Style::default();
         let (mut rest, mut made_room) = (ids, false);
+        let mut wait = Wait::new(self.scene.gpu().timeout());
         while !rest.is_empty() {
             self.places.clear();
             let absent = match self.kind.may_skip {
@@ -222,7 +224,7 @@ impl ScenePass {
             let (placed, later) = rest.split_at(places.len().min(rest.len()));
             rest = later;
             if let Some(&first) = rest.first() {
-                if placed.is_empty() && made_room {
+                if placed.is_empty() && made_room && !self.waits_for_others(first, &mut wait) {
                     return Err(self.scene.too_small(first));
                 }
                 self.make_room()?;
@@ -230,6 +232,21 @@ impl ScenePass {
             }
         }
         Ok(())
+    }
+
+    /// Waits until other passes have submitted the draws whose geometry they hold. False if that cannot make
+    /// room, or takes too long.
+    fn waits_for_others(&self, id: DrawableId, wait: &mut Wait) -> bool {
+        let hold = self.hold.id();
+        while self.scene.may_have_room(hold, id) {
+            if self.scene.wait_for_others(hold, SLICE) {
+                return true;
+            }
+            if wait.slice(false, self.stream.is_cancelled()).is_some() {
+                break;
+            }
+        }
+        false
     }
 
     /// Submits the added draws and waits for the device, so that none of the geometry is held any more.
@@ -291,7 +308,7 @@ impl ScenePass {
                 })
             })?;
         }
-        self.scene.set().end_draws(self.hold.id());
+        self.scene.end_draws(self.hold.id());
         Ok(())
     }
 
@@ -299,7 +316,7 @@ impl ScenePass {
     pub(crate) fn complete(&mut self) -> Result<(), GpuError> {
         self.flush()?;
         self.stream.wait(self.kind.name)?;
-        self.scene.set().release(self.hold.id());
+        self.scene.release(self.hold.id());
         Ok(())
     }
 

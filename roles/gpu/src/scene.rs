@@ -1,8 +1,9 @@
 //! A cooked scene on a device.
 
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
-use parking_lot::{MappedMutexGuard, Mutex, MutexGuard};
+use parking_lot::{Condvar, MappedMutexGuard, Mutex, MutexGuard};
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Node, Scene};
@@ -18,6 +19,8 @@ use crate::{Gpu, GpuError};
 pub struct GpuScene {
     // Before the device's owner, like all objects made from it.
     set: Mutex<WorkingSet>,
+    /// Told when a pass has submitted its draws, or holds nothing any more.
+    submitted: Condvar,
     /// Once a culler traverses it on the device.
     tree: Mutex<Option<Tree>>,
     /// Whether the device rounds f64 as the host does, once that is known.
@@ -44,8 +47,14 @@ impl GpuScene {
         staged: bool,
     ) -> Result<Arc<Self>, GpuError> {
         let set = WorkingSet::new(gpu, scene, budget, staged)?;
-        let (set, tree, rounds) = (Mutex::new(set), Mutex::new(None), OnceLock::new());
-        Ok(Arc::new(Self { set, tree, rounds, gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
+        Ok(Arc::new(Self {
+            set: Mutex::new(set),
+            submitted: Condvar::new(),
+            tree: Mutex::new(None),
+            rounds: OnceLock::new(),
+            gpu: Arc::clone(gpu),
+            scene: Arc::clone(scene),
+        }))
     }
 
     /// The device that holds it.
@@ -117,6 +126,32 @@ impl GpuScene {
         set.place(&numbers, absent, places)
     }
 
+    /// All draws of the pass that were placed so far were submitted.
+    pub(crate) fn end_draws(&self, hold: HoldId) {
+        self.set.lock().end_draws(hold);
+        self.submitted.notify_all();
+    }
+
+    /// The device is done with all draws of the pass.
+    pub(crate) fn release(&self, hold: HoldId) {
+        self.set.lock().release(hold);
+        self.submitted.notify_all();
+    }
+
+    /// Waits until no other pass holds geometry for draws that it has not submitted, for at most `longest`.
+    /// Returns whether none does.
+    pub(crate) fn wait_for_others(&self, hold: HoldId, longest: Duration) -> bool {
+        let mut set = self.set.lock();
+        let waits = |set: &mut WorkingSet| set.is_recorded_by_others(hold);
+        !self.submitted.wait_while_for(&mut set, waits, longest).timed_out()
+    }
+
+    /// Whether the drawable could have room once other passes hold nothing.
+    pub(crate) fn may_have_room(&self, hold: HoldId, id: DrawableId) -> bool {
+        let set = self.set.lock();
+        self.find(id).is_ok_and(|(drawable, _)| set.may_have_room(hold, drawable.geometry))
+    }
+
     /// The error for a drawable without room although nothing else is held.
     pub(crate) fn too_small(&self, id: DrawableId) -> GpuError {
         match self.find(id) {
@@ -154,7 +189,7 @@ impl Hold {
 
 impl Drop for Hold {
     fn drop(&mut self) {
-        self.scene.set().release(self.id);
+        self.scene.release(self.id);
     }
 }
 

@@ -80,6 +80,11 @@ impl Stream {
         self.cancel = Some(Arc::clone(cancel));
     }
 
+    /// Whether waits are to end early.
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.cancel.as_ref().is_some_and(|cancel| cancel())
+    }
+
     /// Whether the stream is usable: not on a hung device, nor after a wait that ended early.
     pub(crate) fn check(&self, operation: &'static str) -> Result<(), GpuError> {
         if self.gpu.is_hung() {
@@ -230,8 +235,7 @@ impl Stream {
             // SAFETY: the semaphore is a timeline.
             let now = unsafe { device.get_semaphore_counter_value(self.timeline) }.during(operation)?;
             let progress = now > std::mem::replace(&mut done, now);
-            let cancel = self.cancel.as_ref().is_some_and(|cancel| cancel());
-            if let Some(end) = wait.slice(progress, cancel) {
+            if let Some(end) = wait.slice(progress, self.is_cancelled()) {
                 break end;
             }
         };

@@ -243,6 +243,21 @@ impl WorkingSet {
         Ok(self.stats.loaded_bytes - before)
     }
 
+    /// Whether another pass has draws that it has not submitted. Their geometry is held until it has.
+    pub(crate) fn is_recorded_by_others(&self, hold: HoldId) -> bool {
+        self.holds.iter().any(|(id, state)| *id != hold && !state.is_submitted)
+    }
+
+    /// Whether a piece could have room once other passes hold nothing.
+    pub(crate) fn may_have_room(&self, hold: HoldId, number: u32) -> bool {
+        let fits = self
+            .scene
+            .places()
+            .get(number as usize)
+            .is_some_and(|place| unpacked_bytes(place) <= self.budget.most);
+        fits && self.holds.keys().any(|id| *id != hold)
+    }
+
     /// An error for a piece without room although only its own pass holds pieces.
     pub(crate) fn too_small(&self, number: u32) -> GpuError {
         let place = self.scene.places().get(number as usize);
@@ -361,6 +376,8 @@ fn unpacked_bytes(place: &GeometryPlace) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::{thread, time::Duration};
+
     use glam::DVec3;
     use trimaran_cull::View;
     use trimaran_proto::DrawableId;
@@ -461,5 +478,27 @@ mod tests {
         assert_eq!(taken[0], 100_000);
         assert!(taken.is_sorted(), "{taken:?}");
         assert_eq!(taken.last(), Some(&700_000), "{taken:?}");
+    }
+
+    /// Occluders that are added and not submitted hold all of the memory until their own thread goes on.
+    #[test]
+    fn a_picture_waits_for_geometry_of_draws_that_another_thread_has_not_submitted() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let (scene, view) = (crowds(40), view(32, 32, DVec3::ZERO));
+        let all = Budget { most: 64 << 20, first: 64 << 20 };
+        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(40));
+        let budget = Budget { most: 100_000, first: 100_000 };
+        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        let mut occluders = OccluderPass::new(&drawn, view.viewport()).unwrap();
+        occluders.begin(&view).unwrap();
+        occluders.draw(&ids(40)).unwrap();
+        let found = thread::scope(|scope| {
+            let found = scope.spawn(|| picture(&drawn, &view, &ids(40)));
+            // Long enough, mostly, for the picture to need room.
+            thread::sleep(Duration::from_millis(100));
+            occluders.finish().unwrap();
+            found.join().unwrap()
+        });
+        assert!(found == expected);
     }
 }
