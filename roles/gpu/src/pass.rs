@@ -217,14 +217,17 @@ impl ScenePass {
                 Some(most) => Absent::ReadOrSkip { most: most.saturating_sub(self.brought) },
             };
             let Self { scene, places, recording, draws, brought, hold, .. } = self;
-            recording.measure(|| {
-                *brought += scene.place(hold.id(), rest, absent, places)?;
-                draws.add(scene, &view, opaque, rest, places)
+            let others_hold = recording.measure(|| {
+                let placing = scene.place(hold.id(), rest, absent, places)?;
+                *brought += placing.bytes;
+                draws.add(scene, &view, opaque, rest, places)?;
+                Ok::<_, GpuError>(placing.others_hold)
             })?;
             let (placed, later) = rest.split_at(places.len().min(rest.len()));
             rest = later;
             if let Some(&first) = rest.first() {
-                if placed.is_empty() && made_room && !self.waits_for_others(first, &mut wait) {
+                let is_full = placed.is_empty() && made_room;
+                if is_full && !(others_hold && self.waits_for_others(first, &mut wait)) {
                     return Err(self.scene.too_small(first));
                 }
                 self.make_room()?;
@@ -234,19 +237,18 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Waits until other passes have submitted the draws whose geometry they hold. False if that cannot make
-    /// room, or takes too long.
+    /// Waits until other passes have submitted the draws whose geometry they hold. False if that takes too
+    /// long, or makes no room for the drawable.
     fn waits_for_others(&self, id: DrawableId, wait: &mut Wait) -> bool {
-        let hold = self.hold.id();
-        while self.scene.may_have_room(hold, id) {
-            if self.scene.wait_for_others(hold, SLICE) {
-                return true;
-            }
+        if !self.scene.could_hold(id) {
+            return false;
+        }
+        while !self.scene.wait_for_others(self.hold.id(), SLICE) {
             if wait.slice(false, self.stream.is_cancelled()).is_some() {
-                break;
+                return false;
             }
         }
-        false
+        true
     }
 
     /// Submits the added draws and waits for the device, so that none of the geometry is held any more.

@@ -29,6 +29,15 @@ pub struct GpuScene {
     scene: Arc<Scene>,
 }
 
+/// How placing triangles went.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placing {
+    /// The bytes that were loaded.
+    pub(crate) bytes: u64,
+    /// Whether other passes held geometry, which may be why there was no room.
+    pub(crate) others_hold: bool,
+}
+
 impl GpuScene {
     /// Allocates memory for a scene's triangles by [`GpuOptions::memory`](crate::GpuOptions::memory). They
     /// are read from the scene when first drawn.
@@ -104,8 +113,8 @@ impl GpuScene {
     }
 
     /// Loads the triangles of `ids` to the device and appends their places to `places`, in order: `None` for
-    /// skipped ones. Fewer than the ids if there is no more room. Returns the loaded bytes. The triangles
-    /// stay while a pass holds the set.
+    /// skipped ones. Fewer than the ids if there is no more room. The triangles stay while a pass holds the
+    /// set.
     ///
     /// # Errors
     /// If the scene lacks an id, cannot be read, or a drawable is larger than the whole budget.
@@ -115,7 +124,7 @@ impl GpuScene {
         ids: &[DrawableId],
         absent: Absent,
         places: &mut Vec<Option<Place>>,
-    ) -> Result<u64, GpuError> {
+    ) -> Result<Placing, GpuError> {
         let mut numbers = Vec::with_capacity(ids.len());
         for &id in ids {
             let known = self.scene.drawables().get(id.index());
@@ -123,7 +132,8 @@ impl GpuScene {
         }
         let mut set = self.set.lock();
         set.begin_draws(hold);
-        set.place(&numbers, absent, places)
+        let bytes = set.place(&numbers, absent, places)?;
+        Ok(Placing { bytes, others_hold: set.is_held_by_others(hold) })
     }
 
     /// All draws of the pass that were placed so far were submitted.
@@ -146,10 +156,9 @@ impl GpuScene {
         !self.submitted.wait_while_for(&mut set, waits, longest).timed_out()
     }
 
-    /// Whether the drawable could have room once other passes hold nothing.
-    pub(crate) fn may_have_room(&self, hold: HoldId, id: DrawableId) -> bool {
-        let set = self.set.lock();
-        self.find(id).is_ok_and(|(drawable, _)| set.may_have_room(hold, drawable.geometry))
+    /// Whether the drawable would have room if nothing else were held.
+    pub(crate) fn could_hold(&self, id: DrawableId) -> bool {
+        self.find(id).is_ok_and(|(drawable, _)| self.set.lock().could_hold(drawable.geometry))
     }
 
     /// The error for a drawable without room although nothing else is held.

@@ -248,14 +248,15 @@ impl WorkingSet {
         self.holds.iter().any(|(id, state)| *id != hold && !state.is_submitted)
     }
 
-    /// Whether a piece could have room once other passes hold nothing.
-    pub(crate) fn may_have_room(&self, hold: HoldId, number: u32) -> bool {
-        let fits = self
-            .scene
-            .places()
-            .get(number as usize)
-            .is_some_and(|place| unpacked_bytes(place) <= self.budget.most);
-        fits && self.holds.keys().any(|id| *id != hold)
+    /// Whether another pass holds geometry.
+    pub(crate) fn is_held_by_others(&self, hold: HoldId) -> bool {
+        self.holds.keys().any(|id| *id != hold)
+    }
+
+    /// Whether a piece fits into the budget.
+    pub(crate) fn could_hold(&self, number: u32) -> bool {
+        let place = self.scene.places().get(number as usize);
+        place.is_some_and(|place| unpacked_bytes(place) <= self.budget.most)
     }
 
     /// An error for a piece without room although only its own pass holds pieces.
