@@ -18,7 +18,7 @@ use super::{
 
 /// Frames of a trial, and the ways in which it is culled: enough that drawing them without culling, and
 /// opening passes, take little of the time.
-const FRAMES: usize = 40;
+const FRAMES: usize = 160;
 const CULLINGS: usize = 5;
 
 /// Memory for triangles that holds only a part of many trials.
