@@ -1,49 +1,84 @@
 //! The search on the f64 reference.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up fails")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot be set up fails")]
 
-use trimaran_audit::search::{Trial, Verdict, judge, shrink};
+use std::{fs, path::Path};
+
+use trimaran_audit::search::{Trial, judge, shrink};
 use trimaran_audit::{Fault, Testing};
 
 const BOTH: [Testing; 2] = [Testing::Rasterized, Testing::Pyramid];
 
-#[test]
-fn nothing_is_lost_on_trials_at_random() {
-    for testing in BOTH {
-        let mut all = Verdict::default();
-        for seed in 0..40 {
-            let trial = Trial::draw(seed, 12);
-            let verdict = judge(&trial, testing, Fault::None).unwrap();
-            if !verdict.is_sound() {
-                let least = shrink(trial.clone(), 3000, |trial| {
-                    judge(trial, testing, Fault::None).is_ok_and(|verdict| !verdict.is_sound())
-                });
-                panic!("seed {seed}, {testing:?}: {verdict:?}: {}", serde_json::to_string(&least).unwrap());
-            }
-            all.frames += verdict.frames;
-            all.hidden += verdict.hidden;
-        }
-        println!("{testing:?} {all:?}");
-    }
+fn fails(trial: &Trial, testing: Testing, fault: Fault) -> bool {
+    judge(trial, testing, fault).is_ok_and(|verdict| !verdict.is_sound())
 }
 
 #[test]
-fn rates() {
-    for fault in [
-        Fault::None,
-        Fault::OtherLevels,
-        Fault::StaleDepth,
-        Fault::SmallBoxes(0.99),
-        Fault::NoInflation(1e-4),
-        Fault::NoOutline,
-    ] {
-        for testing in BOTH {
-            let verdicts: Vec<Verdict> =
-                (0..150).map(|seed| judge(&Trial::draw(seed, 12), testing, fault).unwrap()).collect();
-            let found = verdicts.iter().filter(|v| !v.is_sound()).count();
-            let hidden: u64 = verdicts.iter().map(|v| v.hidden).sum();
-            let with = verdicts.iter().filter(|v| v.hidden > 0).count();
-            println!("{fault:?} {testing:?}: {found} of 150, hidden {hidden}, in {with}");
+fn walks_at_random_lose_nothing_and_hide_much() {
+    for testing in BOTH {
+        let (mut frames, mut hidden) = (0, 0);
+        for seed in 0..30 {
+            let trial = Trial::draw(seed, 12);
+            let verdict = judge(&trial, testing, Fault::None).unwrap();
+            if !verdict.is_sound() {
+                let least = shrink(trial, 2000, |trial| fails(trial, testing, Fault::None));
+                panic!("seed {seed}, {testing:?}, {verdict:?}: {}", serde_json::to_string(&least).unwrap());
+            }
+            frames += verdict.frames;
+            hidden += verdict.hidden;
         }
+        assert_eq!(frames, 360);
+        assert!(hidden > 4 * frames, "{testing:?}: {hidden} boxes");
     }
+}
+
+/// A fault, and how many walks are drawn at most until one shows it.
+fn found_and_shrunk(fault: Fault, testing: Testing, seeds: u64) -> Trial {
+    let failing = (0..seeds).map(|seed| Trial::draw(seed, 12)).find(|trial| fails(trial, testing, fault));
+    let failing = failing.unwrap_or_else(|| panic!("{fault:?}, {testing:?}: not found"));
+    let least = shrink(failing, 600, |trial| fails(trial, testing, fault));
+    assert!(fails(&least, testing, fault));
+    for testing in BOTH {
+        let sound = judge(&least, testing, Fault::None).unwrap();
+        assert!(sound.is_sound(), "{fault:?}, {testing:?}: {sound:?}");
+    }
+    println!("{fault:?}, {testing:?}: {}", serde_json::to_string(&least).unwrap());
+    least
+}
+
+#[test]
+fn each_fault_is_found_and_shrunk_to_a_few_objects_and_frames() {
+    let any = Testing::Rasterized;
+    for (fault, testing, seeds) in [
+        (Fault::OtherLevels, any, 40),
+        (Fault::OtherLevelsShown(3), any, 20),
+        (Fault::StaleDepth, Testing::Pyramid, 20),
+        (Fault::SmallBoxes(0.9), any, 40),
+        (Fault::NoInflation(1e-3), any, 40),
+        (Fault::NoOutline, any, 20),
+        (Fault::DroppedIds(9), any, 5),
+        (Fault::NearerOccluders(1e-3), any, 40),
+        (Fault::NearerOccluders(0.01), Testing::Pyramid, 60),
+    ] {
+        let least = found_and_shrunk(fault, testing, seeds);
+        let size = (least.solids.len(), least.frames.len());
+        assert!(size.0 <= 3 && size.1 <= 2, "{fault:?}, {testing:?}: {size:?}");
+    }
+}
+
+/// What a search has found once. The program's tests walk them on a device.
+#[test]
+fn kept_walks_are_sound() {
+    let mut count = 0;
+    for entry in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/kept")).unwrap() {
+        let path = entry.unwrap().path();
+        let mut kept: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+        let trial: Trial = serde_json::from_value(kept["trial"].take()).unwrap();
+        for testing in BOTH {
+            let verdict = judge(&trial, testing, Fault::None).unwrap();
+            assert!(verdict.is_sound(), "{}, {testing:?}: {verdict:?}", path.display());
+        }
+        count += 1;
+    }
+    assert!(count > 0);
 }

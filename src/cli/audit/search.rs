@@ -127,7 +127,7 @@ fn replay(search: &mut Search, file: &Path) -> Result<(), Failure> {
 
 fn write(file: &Path, kept: &KeptTrial) -> Result<(), Failure> {
     let unwritten = |cause: std::io::Error| Failure::broken(format!("writing {}: {cause}", file.display()));
-    let text = serde_json::to_string_pretty(kept).map_err(Failure::broken)?;
+    let text = serde_json::to_string(kept).map_err(Failure::broken)?;
     file.parent().map_or(Ok(()), fs::create_dir_all).map_err(unwritten)?;
     fs::write(file, text + "\n").map_err(unwritten)
 }
