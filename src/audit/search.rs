@@ -29,7 +29,6 @@ const TRIES: u32 = 1500;
 
 /// A trial, and how it is culled.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct KeptTrial {
     /// How it is culled.
     #[serde(flatten)]
