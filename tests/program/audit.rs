@@ -41,3 +41,30 @@ fn a_page_replaces_only_a_page_and_unknown_numbers_are_refused() {
     let refused = bench.trimaran(&["audit", "hard", "--only", "24"]);
     assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
 }
+
+#[test]
+fn a_short_search_counts_frames_and_replays_what_was_kept() {
+    let bench = Bench::empty();
+    let output = bench.trimaran(&["audit", "search", "--frames", "100", "--seed", "7", "--json"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", said(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&found["wrong_pixels"], &found["lost_nodes"]), (&0.into(), &0.into()));
+    assert_eq!((&found["seeds"], &found["trials"]), (&serde_json::json!([7, 8]), &1.into()));
+    assert!(found["frames"].as_u64().unwrap() >= 100 && !found["driver"].as_str().unwrap().is_empty());
+    assert!(!bench.path("found").exists());
+
+    let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/lab/audit/tests/kept/stale-depth.json");
+    let output = bench.trimaran(&["audit", "search", "--replay", kept]);
+    assert!(output.status.success(), "{}", said(&output));
+    let out = String::from_utf8_lossy(&output.stdout);
+    assert!(out.starts_with("2 frames by independent-1-hzb"), "{out}");
+
+    // A device with memory for nothing.
+    let text = fs::read_to_string(kept).unwrap().replace("\"trial\"", "\"gpu_memory\":64,\"trial\"");
+    bench.write("broken.json", &text);
+    let output = bench.trimaran(&["audit", "search", "--replay", "broken.json"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("the budget is 64"), "{}", said(&output));
+    bench.write("broken.json", "{");
+    assert_eq!(bench.trimaran(&["audit", "search", "--replay", "broken.json"]).status.code(), Some(2));
+}
