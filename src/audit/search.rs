@@ -157,7 +157,7 @@ impl Search {
     /// If the device cannot be opened.
     pub fn trial(&mut self, seed: u64, stop: &Stop) -> Result<Vec<(KeptTrial, Wrong)>, GpuError> {
         let trial = Trial::draw(seed, FRAMES);
-        let mut random = Random::stream(seed, 0x77_6179_73, 0);
+        let mut random = Random::stream(seed, 0x7761_7973, 0);
         let opening = self.opening(&mut random);
         let gpu = Arc::clone(self.gpu(opening)?);
         self.counts.trials += 1;

@@ -120,7 +120,7 @@ impl<'s> Cameraman<'s> {
                 self.stand(middle - direction * distance, direction);
             }
             Move::Through => {
-                self.walk(self.forward() * f64::from(self.frame.near) * random.between(-0.2, 0.6))
+                self.walk(self.forward() * f64::from(self.frame.near) * random.between(-0.2, 0.6));
             }
             Move::Along if step == 0 => self.look_along(random),
             Move::Along => self.walk(self.forward() * scale * magnitude(random, 1e-5, 0.1)),

@@ -65,7 +65,7 @@ impl Trial {
     /// The trial of a seed, with this many frames.
     #[must_use]
     pub fn draw(seed: u64, frames: usize) -> Self {
-        let mut random = Random::stream(seed, 0x7472_6961_6c, 0);
+        let mut random = Random::stream(seed, 0x0074_7269_616c, 0);
         let world = World::draw(&mut random);
         let size = size(&mut random, world.grid.is_some());
         let count = match random.below(10) {
@@ -75,7 +75,7 @@ impl Trial {
         };
         let solids = Builder::new(world, size).solids(&mut random, count);
         let mut frames = Cameraman::new(world, size, &solids).frames(&mut random, frames);
-        Moods::draw(&mut random).change(&mut random, &world, &solids, &mut frames);
+        Changes::draw(&mut random).change(&mut random, &world, &solids, &mut frames);
         Self { merged: random.chance(0.5), solids, frames }
     }
 }
@@ -92,7 +92,7 @@ fn size(random: &mut Random, on_grid: bool) -> Viewport {
 }
 
 /// How often each part of the view state changes from a frame to the next.
-struct Moods {
+struct Changes {
     hidden: f64,
     see_through: f64,
     sections: f64,
@@ -100,7 +100,7 @@ struct Moods {
     size: f64,
 }
 
-impl Moods {
+impl Changes {
     fn draw(random: &mut Random) -> Self {
         let mut often = || random.pick([0.0, 0.0, 0.0, 0.1, 0.5]);
         let [hidden, see_through, sections, epsilon] = std::array::from_fn(|_| often());
@@ -130,21 +130,8 @@ impl Moods {
             if random.chance(self.size) {
                 last.size = size(random, world.grid.is_some());
             }
-            let TrialFrame { sections, hidden, isolated, see_through, epsilon, size, .. } = last.clone();
             let TrialFrame { eye, target, roll, fov, near, .. } = *frame;
-            *frame = TrialFrame {
-                eye,
-                target,
-                roll,
-                fov,
-                near,
-                size,
-                epsilon,
-                sections,
-                hidden,
-                isolated,
-                see_through,
-            };
+            *frame = TrialFrame { eye, target, roll, fov, near, ..last.clone() };
         }
     }
 }
