@@ -18,8 +18,8 @@ use super::{
 
 /// Frames of a trial, and the ways in which it is culled: enough that drawing them without culling, and
 /// opening passes, take little of the time.
-const FRAMES: usize = 160;
-const CULLINGS: usize = 5;
+const FRAMES: usize = 80;
+const CULLINGS: usize = 6;
 
 /// Memory for triangles that holds only a part of many trials.
 const LITTLE_MEMORY: u64 = 16 << 10;
@@ -92,13 +92,9 @@ impl fmt::Display for Wrong {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Error(error) => f.write_str(error),
-            Self::Pixels(figures, Judgement { driver, culler, neither }) => {
+            Self::Pixels(figures, judgement) => {
                 let Figures { wrong_pixels, lost_nodes, outside_cut, .. } = figures;
-                write!(
-                    f,
-                    "{wrong_pixels} wrong pixels, {lost_nodes} lost nodes; in f64, {driver} pixels are right with \
-                     culling, {culler} without, {neither} are neither"
-                )?;
+                write!(f, "{wrong_pixels} wrong pixels, {lost_nodes} lost nodes; {judgement}")?;
                 if *outside_cut > 0 {
                     write!(f, "; {outside_cut} drawables are not of the LOD cut")?;
                 }

@@ -83,6 +83,9 @@ pub struct Judgement {
     pub culler: u64,
     /// It shows something else: surfaces of one depth, or an edge.
     pub neither: u64,
+    /// The same solid triangle shows, and what is see-through before it differs. The rasterizer does not
+    /// blend.
+    pub blended: u64,
 }
 
 impl AddAssign for Judgement {
@@ -90,6 +93,7 @@ impl AddAssign for Judgement {
         self.driver += other.driver;
         self.culler += other.culler;
         self.neither += other.neither;
+        self.blended += other.blended;
     }
 }
 
@@ -177,6 +181,7 @@ impl TrialOnDevice {
             self.auditor.picture(record, &mut shown).map_err(AuditError::from)?;
             let [shown, whole] = [&shown, picture].map(|picture| picture.rgba.chunks_exact(4));
             let wrong = shown.zip(whole).filter(|(shown, whole)| shown != whole).count() as u64;
+            judgement.blended += wrong.saturating_sub(difference.pixels);
             difference.pixels = difference.pixels.max(wrong);
         }
         figures.add(number, difference.pixels, difference.lost_nodes);
@@ -195,11 +200,22 @@ impl fmt::Display for TrialCulling {
     }
 }
 
+impl fmt::Display for Judgement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { driver, culler, neither, blended } = self;
+        write!(f, "in f64, {driver} are right with culling, {culler} without, {neither} are neither")?;
+        if *blended > 0 {
+            write!(f, "; {blended} differ only in what is see-through")?;
+        }
+        Ok(())
+    }
+}
+
 impl Judgement {
     /// Whether each wrong pixel is right with culling.
     #[must_use]
     pub const fn is_of_driver(&self) -> bool {
-        self.driver > 0 && self.culler == 0 && self.neither == 0
+        self.driver > 0 && self.culler + self.neither + self.blended == 0
     }
 
     fn add(&mut self, scene: &Scene, view: &View, rule: &CutRule, truth: &Truth, shown: &ItemImage) {
