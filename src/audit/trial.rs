@@ -253,3 +253,41 @@ fn settings(states: &[ViewState], occlusion_test: OcclusionTestKind) -> Option<S
     let first = states.first()?;
     Some(Settings { occlusion_test, ..Settings::new(first.viewport, first.lod) })
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+    use trimaran_audit::cases::{Mesh, Object, build, looking};
+    use trimaran_cull::{Viewport, lod_cut};
+
+    use super::*;
+
+    #[test]
+    fn the_rasterizer_says_which_picture_is_wrong() {
+        let wall = Object::new(Mesh::rectangle(Vec3::Y * 2.0, Vec3::X * 9.0, Vec3::Z * 9.0, 1));
+        let scene = build(&[wall], false).unwrap();
+        let view = looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(8, 8).unwrap(), 0).unwrap();
+        let rule = CutRule::from(LodRule::new(1.0).unwrap());
+        let cut = lod_cut(&scene, &view, &rule);
+        let right = rasterize(&scene, &view, cut.iter().copied(), Placement::Exact);
+        let items = |at: usize, drawable: u32| {
+            let mut items = ItemImage { width: 8, height: 8, ..ItemImage::default() };
+            items.drawable = right.ids().iter().map(|id| id.unwrap().drawable.0).collect();
+            items.triangle = right.ids().iter().map(|id| id.unwrap().triangle).collect();
+            items.drawable[at] = drawable;
+            items
+        };
+        let judged = |whole: ItemImage, shown: ItemImage| {
+            let truth = Truth { cut: cut.clone(), items: whole, picture: None };
+            let mut judgement = Judgement::default();
+            judgement.add(&scene, &view, &rule, &truth, &shown);
+            judgement
+        };
+        let (sound, none) = (cut[0].0, Judgement::default());
+        assert_eq!(judged(items(5, sound), items(5, sound)), none);
+        assert_eq!(judged(items(5, sound), items(5, 7)), Judgement { culler: 1, ..none });
+        assert_eq!(judged(items(5, 7), items(5, sound)), Judgement { driver: 1, ..none });
+        assert_eq!(judged(items(5, 7), items(5, 8)), Judgement { neither: 1, ..none });
+        assert_eq!(judged(items(5, 7), items(6, 7)), Judgement { driver: 1, culler: 1, ..none });
+    }
+}
