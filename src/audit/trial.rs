@@ -212,10 +212,10 @@ impl fmt::Display for Judgement {
 }
 
 impl Judgement {
-    /// Whether each wrong pixel is right with culling.
+    /// Whether wrong pixels are right with culling, and none is without.
     #[must_use]
     pub const fn is_of_driver(&self) -> bool {
-        self.driver > 0 && self.culler + self.neither + self.blended == 0
+        self.driver > 0 && self.culler + self.blended == 0
     }
 
     fn add(&mut self, scene: &Scene, view: &View, rule: &CutRule, truth: &Truth, shown: &ItemImage) {

@@ -3,7 +3,7 @@
 use std::{fs, path::Path};
 
 use tokio::runtime::Runtime;
-use trimaran::audit::{KeptTrial, Opening, Search, TrialCulling, TrialOnDevice, Wrong};
+use trimaran::audit::{Figures, Judgement, KeptTrial, Opening, Search, TrialCulling, TrialOnDevice, Wrong};
 use trimaran_actors::Stop;
 use trimaran_audit::search::Trial;
 use trimaran_gpu::{Gpu, GpuOptions};
@@ -32,11 +32,11 @@ fn a_short_search_finds_nothing() {
     assert!(counts.frames >= 960 && counts.drawn * 10 < counts.whole * 9, "{counts:?}");
 }
 
-#[test]
-fn kept_walks_are_exact_in_every_system() {
+/// Walks all that is kept in a folder, in every system.
+fn walk_kept(folder: &str, check: impl Fn(&str, Figures, Judgement)) {
     let Some([gpu, ..]) = devices() else { return };
     let runtime = Runtime::new().unwrap();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("lab/audit/tests/kept");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("lab/audit/tests").join(folder);
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let kept: KeptTrial = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
@@ -51,11 +51,27 @@ fn kept_walks_are_exact_in_every_system() {
         let mut on_device = TrialOnDevice::new(&kept.trial, &gpu, runtime.handle()).unwrap();
         for culling in TrialCulling::all() {
             let (figures, judgement) = on_device.judged(culling).unwrap();
-            let at = format!("{}, {culling}", path.display());
-            assert!(figures.is_exact(), "{at}: {figures:?}, {judgement:?}");
+            let at = format!("{}, {culling}: {figures:?}, {judgement:?}", path.display());
             assert_eq!(figures.frames as usize, kept.trial.frames.len(), "{at}");
+            check(&at, figures, judgement);
         }
     }
+}
+
+#[test]
+fn kept_walks_are_exact_in_every_system() {
+    walk_kept("kept", |at, figures, _| assert!(figures.is_exact(), "{at}"));
+}
+
+/// A driver may draw a face that is seen edge on before what hides it. Culling it then makes the picture
+/// right.
+#[test]
+fn where_a_driver_is_wrong_the_culled_picture_is_not() {
+    walk_kept("kept_of_drivers", |at, figures, judgement| {
+        let Judgement { driver, culler, neither, blended } = judgement;
+        assert_eq!((culler, blended, driver + neither), (0, 0, figures.wrong_pixels), "{at}");
+        assert!(driver >= neither, "{at}");
+    });
 }
 
 /// A device without memory for any drawable fails, and one object and one frame are enough to show it.

@@ -70,7 +70,9 @@ fn each_fault_is_found_and_shrunk_to_a_few_objects_and_frames() {
 #[test]
 fn kept_walks_are_sound() {
     let mut count = 0;
-    for entry in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/kept")).unwrap() {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+    let files = ["kept", "kept_of_drivers"].map(|folder| fs::read_dir(tests.join(folder)).unwrap());
+    for entry in files.into_iter().flatten() {
         let path = entry.unwrap().path();
         let mut kept: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
         let trial: Trial = serde_json::from_value(kept["trial"].take()).unwrap();
