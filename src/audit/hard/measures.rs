@@ -201,8 +201,9 @@ pub(in crate::audit) fn deviation_px(
     let mut auditor = Auditor::new(&case.scene, &drawn, views)?;
     let mut most = 0_f64;
     for view in case.views.iter().step_by(3) {
-        let error = auditor.reference(*View::camera(view))?.error;
-        most = most.max(error.surface_max_px.unwrap_or(0.0)).max(error.silhouette_max_px.unwrap_or(0.0));
+        let error = auditor.reference(*View::camera(view), true)?.error;
+        let deviations = error.map(|error| [error.surface_max_px, error.silhouette_max_px]);
+        most = deviations.into_iter().flatten().flatten().fold(most, f64::max);
     }
     Ok(Some(most))
 }
