@@ -28,7 +28,7 @@ impl DepthFormat {
         }
     }
 
-    /// What is stored for a distance: greater is farther.
+    /// The value stored for a distance: greater is farther.
     fn stored(self, near: f64, distance: f64) -> f64 {
         let forward = FAR / (FAR - near) * (1.0 - near / distance);
         let in_bits = |bits: i32| (forward * (2_f64.powi(bits) - 1.0)).round();

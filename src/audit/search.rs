@@ -51,7 +51,7 @@ pub struct Opening {
     pub check_device: bool,
 }
 
-/// What a search has done.
+/// The counts of a search.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct SearchCounts {
     /// Scenes with their walks.
@@ -68,7 +68,7 @@ pub struct SearchCounts {
     pub whole: u64,
 }
 
-/// What is wrong with a walk.
+/// The fault of a walk.
 #[derive(Debug, Clone)]
 pub enum Wrong {
     /// It has wrong pixels, or lost drawables.
@@ -140,7 +140,7 @@ impl Search {
         Ok(format!("{}, {}", info.name, info.driver))
     }
 
-    /// What has been done until now.
+    /// The counts until now.
     #[must_use]
     pub const fn counts(&self) -> &SearchCounts {
         &self.counts

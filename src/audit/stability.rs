@@ -25,7 +25,7 @@ use crate::comparison::System;
 pub struct Curve {
     /// The property, with its unit.
     pub of: &'static str,
-    /// What limits it.
+    /// The cause of its limit.
     pub about: &'static str,
     /// Names of the figures.
     pub figures: Vec<String>,
@@ -60,7 +60,7 @@ const COARSE_PX: f64 = 16.0;
 /// The oracle walks no picture with more pixels: it is slow.
 const ORACLE_PIXELS: u32 = 1 << 17;
 
-/// What curves are measured on.
+/// The targets of curves.
 pub struct Curves<'c> {
     /// The devices.
     pub devices: &'c [Arc<Gpu>],
@@ -75,7 +75,7 @@ pub struct Curves<'c> {
 /// A value of a property, and the plant that has it; none if its picture has no valid size.
 type Variation = (String, Result<PlantCase, String>);
 
-/// What a device has figures of.
+/// The figures of a device.
 enum OnDevice {
     Walked { wrong: u64, toggles: u64, deviation: f64, unlike: Option<usize> },
     Refused(String),

@@ -66,7 +66,7 @@ fn each_fault_is_found_and_shrunk_to_a_few_objects_and_frames() {
     }
 }
 
-/// What a search has found once. The program's tests walk them on a device.
+/// Walks that a search has found. The program's tests walk them on a device.
 #[test]
 fn kept_walks_are_sound() {
     let mut count = 0;

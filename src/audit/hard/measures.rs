@@ -1,4 +1,4 @@
-//! What is measured of the hard cases besides walks.
+//! Figures of the hard cases besides walks.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ pub(super) enum Measure {
 /// A figure with its unit, and whether it is as it should be. `None`: it is not measured there.
 pub(super) type Measured = Option<(String, bool)>;
 
-/// What a target is measured with.
+/// The means of measuring a target.
 pub(super) struct Bench<'b> {
     pub(super) target: &'b Target<'b>,
     pub(super) rule: LodRule,
@@ -68,7 +68,7 @@ impl Measure {
         }
     }
 
-    /// What it is, and what it should be.
+    /// The figure, and its bound.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::CulledGap => {

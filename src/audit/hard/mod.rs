@@ -52,7 +52,7 @@ pub struct Row {
     pub tests: &'static [&'static str],
 }
 
-/// What was measured on.
+/// A column of the table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Driver {
     /// Its short name.
@@ -161,7 +161,7 @@ fn cases_of(only: &[u8]) -> BTreeSet<&'static str> {
     figures(only).filter_map(case).collect()
 }
 
-/// What a row shows.
+/// The content of a row.
 #[derive(Debug, Clone, Copy)]
 enum Figure {
     Walk(&'static str),

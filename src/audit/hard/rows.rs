@@ -8,7 +8,7 @@ pub(super) struct Difficulty {
     pub(super) name: &'static str,
     /// The cases that have it.
     pub(super) cases: &'static [&'static str],
-    /// What is measured of it besides walks.
+    /// Its figures besides walks.
     pub(super) measures: &'static [Measure],
     /// The tests that show it as well, or alone.
     pub(super) tests: &'static [&'static str],

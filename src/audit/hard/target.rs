@@ -1,4 +1,4 @@
-//! What cases are walked on: the f64 oracle, or a Vulkan device.
+//! A target of walks: the f64 oracle, or a Vulkan device.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use crate::{
     walkthrough::AuditError,
 };
 
-/// What cases are walked on.
+/// A target of walks.
 pub(in crate::audit) enum Target<'t> {
     Oracle,
     Device(&'t Arc<Gpu>, &'t Handle),

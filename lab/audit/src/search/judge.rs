@@ -8,7 +8,7 @@ use trimaran_proto::OcclusionTestKind;
 use super::{Trial, TrialError};
 use crate::{Fault, ReferenceWalkthrough, Testing};
 
-/// What culling changed on a walk.
+/// The changes that culling made to a walk.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// Frames that were walked.

@@ -104,7 +104,7 @@ fn gaps_of_a_pixel() {
         ["a keyhole of one pixel", "a grating finer than a pixel", "a wall's edge outside of the picture"]
     {
         let frames = assert_exact(name);
-        // What shows through the gap differs between frames, so the path hits and misses it.
+        // The view through the gap differs between frames, so the path hits and misses it.
         assert!(frames.iter().any(|frame| frame.exact != frames[0].exact), "{name}");
     }
 }
