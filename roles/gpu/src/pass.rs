@@ -243,6 +243,8 @@ impl ScenePass {
         if !self.scene.could_hold(id) {
             return false;
         }
+        // All of this pass's draws are submitted: two that wait must not wait for each other.
+        self.scene.end_draws(self.hold.id());
         while !self.scene.wait_for_others(self.hold.id(), SLICE) {
             if wait.slice(false, self.stream.is_cancelled()).is_some() {
                 return false;

@@ -502,4 +502,20 @@ mod tests {
         });
         assert!(found == expected);
     }
+
+    /// Each of them takes all of the memory again and again.
+    #[test]
+    fn pictures_of_several_threads_do_not_wait_for_each_other_for_ever() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let (scene, view) = (crowds(40), view(32, 32, DVec3::ZERO));
+        let all = Budget { most: 64 << 20, first: 64 << 20 };
+        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(40));
+        let budget = Budget { most: 100_000, first: 100_000 };
+        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        thread::scope(|scope| {
+            for _ in 0..3 {
+                scope.spawn(|| (0..20).for_each(|_| assert!(picture(&drawn, &view, &ids(40)) == expected)));
+            }
+        });
+    }
 }
