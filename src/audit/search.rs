@@ -193,7 +193,8 @@ impl Search {
         })
     }
 
-    /// The smallest trial that fails as this one does, and what is wrong with it. Calls `progress` after each try. Ends early if `stop` is requested.
+    /// The smallest trial that fails as this one does, and its fault. Calls `progress` after each try. Ends
+    /// early if `stop` is requested.
     pub fn shrink(
         &mut self,
         kept: KeptTrial,

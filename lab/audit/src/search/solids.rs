@@ -160,8 +160,8 @@ impl Builder {
     }
 }
 
-/// One or two coarser levels: a box of about the size, or a thin prism. Their errors need not be right for culling
-/// to be exact.
+/// One or two coarser levels: a box of about the size, or a thin prism. Their errors need not be right for
+/// culling to be exact.
 fn coarser(random: &mut Random, shape: &Shape) -> Vec<(f32, Shape)> {
     let half = shape.half();
     let mut error = 0.0;
