@@ -1,11 +1,13 @@
 #!/bin/sh
-# Takes the figures of docs/networks.md again, and some of docs/measurements.md, and writes them between the
-# marks there.
+# Takes the figures of docs/networks.md and docs/comparison.md again, and some of docs/measurements.md, and
+# writes them between the marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene,
 #                                 with the occlusion tests named in TESTS, such as TESTS='hzb query'
+#   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks for: half an hour a scene, with the flags
+#                                 in COMPARE, such as COMPARE='--epsilon 20 --quick'
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same
 # figures. A walk's ids are the same on any machine, too; when culling finds them is not. TRIMARAN names the
@@ -13,7 +15,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 what=${1:-}
-if [ "$what" = cullers ]; then
+if [ "$what" = cullers ] || [ "$what" = compare ]; then
     shift
     scenes=$(realpath "$@")
 else
@@ -184,6 +186,22 @@ if [ "$what" = cullers ]; then
         done
     done
     place docs/measurements.md
+    exit
+fi
+
+if [ "$what" = compare ]; then
+    for scene in $scenes; do
+        name=$(basename "$scene" .scene)
+        # shellcheck disable=SC2086 # words to be split
+        "$TRIMARAN" compare "$scene" ${COMPARE:---epsilon 10 --frames 60 --audit-every 1 --size 512x512} \
+            --out "$out/compared" > /dev/null
+        for kind in speed drawn popping curve; do
+            begin "$name-$kind"
+            awk -v kind="$kind" '/^<!-- / { here = index($2, kind) == 1; next } here && NF' \
+                "$out/compared/tables.md" >> "$block"
+        done
+    done
+    place docs/comparison.md
     exit
 fi
 

@@ -14,7 +14,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use trimaran_actors::{RoleError, Stop};
-use trimaran_cull::{BoxMaker, Choice, CullError, LodCut, Outline, Prepared, Reached, TestBox, Viewport};
+use trimaran_cull::{
+    BoxMaker, Choice, CullError, DrawOrder, LodCut, Outline, Prepared, Reached, TestBox, Viewport,
+};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, VulkanCuller};
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::{Node, NodeId, Scene, random::Random};
@@ -57,6 +59,7 @@ struct Waiting {
 pub(super) struct Chc {
     scene: Arc<Scene>,
     pass: OccluderPass,
+    order: DrawOrder,
     /// Of all nodes, then of all drawables.
     known: Vec<Known>,
     random: Random,
@@ -73,6 +76,7 @@ impl Chc {
         Ok(Self {
             scene: Arc::clone(scene),
             pass: OccluderPass::new(drawn, size)?,
+            order: DrawOrder::default(),
             known: vec![Known::default(); parts],
             random: Random::new(1),
             frame: 0,
@@ -254,10 +258,11 @@ impl Chc {
         Ok(visible)
     }
 
-    /// Draws the frame's drawables from this place on as occluders.
+    /// Draws the frame's drawables from this place on as occluders, nearest first.
     fn draw_from(&mut self, first: usize, seen: Seen<'_>) -> Result<(), GpuError> {
         let mut solid = self.drawn.get(first..).unwrap_or_default().to_vec();
         seen.rule.retain_solid(&self.scene, &mut solid);
+        self.order.sort(&self.scene, seen.view, &mut solid);
         self.pass.draw(&solid)?;
         self.pass.finish()?;
         Ok(())

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_actors::{RoleError, Stop};
-use trimaran_cull::{Culler, DepthPyramid, HzbTest, OccluderMapper, View};
+use trimaran_cull::{Culler, DepthPyramid, DrawOrder, HzbTest, OccluderMapper, View};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, Settings};
 use trimaran_scene::Scene;
@@ -13,11 +13,12 @@ use super::{
     work::{FrameCuller, Seen},
 };
 
-/// Draws all that was visible in the last frame, and tests rectangles against the depth read back.
+/// Draws all that was visible in the last frame, nearest first, and tests rectangles against the depth read back.
 pub(super) struct GigaWalk {
     pass: OccluderPass,
     culler: Culler,
     mapper: OccluderMapper,
+    order: DrawOrder,
     pyramid: DepthPyramid,
     occluders: Vec<DrawableId>,
 }
@@ -33,6 +34,7 @@ impl GigaWalk {
             pass: OccluderPass::new(drawn, settings.viewport)?,
             culler: Culler::new(Arc::clone(scene)),
             mapper: OccluderMapper::new(Arc::clone(scene), no_view, settings.lod),
+            order: DrawOrder::default(),
             pyramid: DepthPyramid::default(),
             occluders: Vec::new(),
         })
@@ -59,6 +61,7 @@ impl FrameCuller for GigaWalk {
         self.mapper.begin(*seen.view, seen.rule);
         self.mapper.push(last, &mut self.occluders)?;
         seen.rule.retain_solid(self.culler.scene(), &mut self.occluders);
+        self.order.sort(self.culler.scene(), seen.view, &mut self.occluders);
         self.draw(seen.view).map_err(failed("drawing occluders"))?;
         Ok(&self.occluders)
     }
