@@ -22,7 +22,7 @@ fn number(value: &Value) -> f64 {
 fn every_system_shows_the_same_pictures() {
     let bench = Bench::with_plant(1_500);
     let walk = ["--frames", FRAMES, "--size", "200x160", "--audit-every", "3", "--paths", "2"];
-    let more = ["--epsilon", "2", "--curve", "2,8", "--live", "60", "--link", "unix", "--out", "c", "--json"];
+    let more = ["--epsilon", "2", "--curve", "2,8", "--live", "10", "--link", "unix", "--out", "c", "--json"];
     let args = [&["compare", "plant.scene"][..], &walk, &more].concat();
     let output = bench.trimaran(&args);
     assert!(output.status.success(), "{}", said(&output));
