@@ -6,8 +6,8 @@
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene,
 #                                 with the occlusion tests named in TESTS, such as TESTS='hzb query'
-#   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks for: half an hour a scene, with the flags
-#                                 in COMPARE, such as COMPARE='--epsilon 20 --quick'
+#   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks for, with the
+#                                 flags in COMPARE: ten minutes a scene with those that its page names
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same
 # figures. A walk's ids are the same on any machine, too; when culling finds them is not. TRIMARAN names the

@@ -2,8 +2,8 @@
 
 use trimaran_scene::random::Random;
 
-/// A mean with its 95 % interval, by the percentile bootstrap (Efron 1979): the figures of the paths are drawn
-/// again with replacement, and the interval holds 95 % of the means.
+/// A mean with its 95 % interval, by the percentile bootstrap (Efron 1979): the figures of the paths are
+/// drawn again with replacement, and the interval holds 95 % of the means.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interval {
     pub(super) mean: f64,
@@ -20,6 +20,9 @@ impl Interval {
     pub(super) fn of(figures: impl IntoIterator<Item = f64>) -> Option<Self> {
         let figures: Vec<f64> = figures.into_iter().filter(|figure| figure.is_finite()).collect();
         let count = figures.len();
+        if count == 0 {
+            return None;
+        }
         let mean = |sum: f64| sum / count as f64;
         let drawn_again = |index: u64| {
             let mut random = Random::stream(1, 0, index);
@@ -29,7 +32,7 @@ impl Interval {
         let mut means: Vec<f64> = (0..RESAMPLES as u64).map(drawn_again).collect();
         means.sort_by(f64::total_cmp);
         let at = |part: usize| means.get(RESAMPLES * part / 1000).copied();
-        (count > 0).then(|| Some(Self { mean: mean(figures.iter().sum()), low: at(25)?, high: at(975)? }))?
+        Some(Self { mean: mean(figures.iter().sum()), low: at(25)?, high: at(975)? })
     }
 }
 
@@ -45,8 +48,8 @@ mod tests {
         assert_eq!(Interval::of([f64::NAN, 3.0]), Interval::of([3.0]));
     }
 
-    /// Of a normal distribution the interval of the mean is 1.96 standard errors to each side. With 400 figures
-    /// the bootstrap comes close to that.
+    /// Of a normal distribution the interval of the mean is 1.96 standard errors to each side. With 400
+    /// figures the bootstrap comes close to that.
     #[test]
     fn many_figures_have_the_interval_of_a_normal_distribution() {
         let mut random = Random::new(5);

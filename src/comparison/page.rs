@@ -74,7 +74,14 @@ pub(super) fn page(
                 "error", "Speed against error",
                 "All systems choose levels by one rule, so at one error bound their pictures are the same, and \
                  only the cost differs.",
-                &["ms-flip", "ms-deviation", "ms-popping", "triangles-flip", "triangles-deviation", "triangles-popping"],
+                &[
+                    "ms-flip",
+                    "ms-deviation",
+                    "ms-popping",
+                    "triangles-flip",
+                    "triangles-deviation",
+                    "triangles-popping",
+                ],
                 &["curve", "popping"],
             ))
             (section(

@@ -189,8 +189,8 @@ pub struct CurvePoint {
     pub wrong_pixels: u64,
 }
 
-/// How much pictures of a path change because levels do. Each audited frame is drawn without culling, with its
-/// own levels and with those that the frame before it would have: nothing but the level differs.
+/// How much pictures of a path change because levels do. Each audited frame is drawn without culling, with
+/// its own levels and with those that the frame before it would have: nothing but the level differs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Popping {
     /// The error bound, pixels.

@@ -103,7 +103,7 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
     }
 }
 
-/// What the means are of.
+/// The walks that the means are of.
 pub(super) fn walks(comparison: &Comparison) -> String {
     if comparison.seed.is_some() {
         plural(comparison.paths.into(), "path", "paths")

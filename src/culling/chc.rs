@@ -5,7 +5,8 @@
 //!   queried again only every few frames, first after a random number of them.
 //! - Nodes that were not are queried, nearest first. One query covers several that were hidden for long, as
 //!   they will probably stay hidden; if it sees anything, each is queried alone.
-//! - A node that would be refined is queried by the boxes below it where these are hardly larger than its own.
+//! - A node that would be refined is queried by the boxes below it where these are hardly larger than its
+//!   own.
 //!
 //! The algorithm draws what was visible while it waits for queries. Here OR draws it first, and HC waits for
 //! all queries of a step at once. So later queries have all of these occluders, and no wait is filled.
@@ -35,7 +36,7 @@ const DEEPEST: u32 = 3;
 /// and of at most this much more surface.
 const MOST_SURFACE: f64 = 1.4;
 
-/// What is known of a node or a piece from frames before.
+/// The history of a node or a piece.
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
     /// The last frame in which it was visible, counted from 1; 0 if it never was.
@@ -64,7 +65,7 @@ pub(super) struct Chc {
     known: Vec<Known>,
     random: Random,
     frame: u32,
-    /// What the frame draws.
+    /// The drawables of the frame.
     drawn: Vec<DrawableId>,
     waiting: Vec<Waiting>,
     counts: CullCounts,
@@ -275,7 +276,7 @@ impl FrameCuller for Chc {
         self.pass.cancel_when(move || stop.requested());
     }
 
-    /// What was visible before is what this one remembers, so `last` is not needed.
+    /// This one remembers what was visible before, so `last` is not needed.
     fn draw_occluders(&mut self, seen: Seen<'_>, _: &[DrawableId]) -> Result<&[DrawableId], RoleError> {
         self.frame += 1;
         self.drawn.clear();

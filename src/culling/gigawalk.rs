@@ -13,7 +13,8 @@ use super::{
     work::{FrameCuller, Seen},
 };
 
-/// Draws all that was visible in the last frame, nearest first, and tests rectangles against the depth read back.
+/// Draws all that was visible in the last frame, nearest first, and tests rectangles against the depth read
+/// back.
 pub(super) struct GigaWalk {
     pass: OccluderPass,
     culler: Culler,

@@ -16,7 +16,8 @@ pub enum CullingMethod {
     #[default]
     Trimaran,
     /// As the paper does (sections 4.1, 4.2 and 4.5.1): all that was visible last as occluders, and boxes
-    /// tested by hardware occlusion queries, once, level by level. Nothing is known at first and after a jump.
+    /// tested by hardware occlusion queries, once, level by level. Nothing is known at first and after a
+    /// jump.
     #[cfg(feature = "lab")]
     Paper,
     /// As CHC++ does (Mattausch, Bittner and Wimmer 2008): hardware occlusion queries, several hidden nodes a

@@ -377,7 +377,7 @@ fn unpacked_bytes(place: &GeometryPlace) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use std::{thread, time::Duration};
+    use std::thread;
 
     use glam::DVec3;
     use trimaran_cull::View;
@@ -398,6 +398,19 @@ mod tests {
             triangles(&(0..600).map(corner).collect::<Vec<_>>())
         };
         Arc::new(common::scene(&(0..count).map(crowd).collect::<Vec<_>>()))
+    }
+
+    /// As many crowds on a device with this budget, and their picture with all the memory that they want.
+    fn crowds_within(
+        gpu: &CheckedGpu,
+        count: usize,
+        view: &View,
+        budget: Budget,
+    ) -> (Arc<GpuScene>, Vec<[u8; 4]>) {
+        let scene = crowds(count as u32);
+        let of = |budget| GpuScene::with(gpu, &scene, budget, false).unwrap();
+        let all = of(Budget { most: 64 << 20, first: 64 << 20 });
+        (of(budget), picture(&all, view, &ids(count)))
     }
 
     fn picture(drawn: &Arc<GpuScene>, view: &View, ids: &[DrawableId]) -> Vec<[u8; 4]> {
@@ -466,11 +479,9 @@ mod tests {
     #[test]
     fn a_set_doubles_until_its_budget_and_no_further() {
         let Some(gpu) = CheckedGpu::open() else { return };
-        let (scene, view) = (crowds(100), view(64, 64, DVec3::ZERO));
-        let all = Budget { most: 64 << 20, first: 64 << 20 };
-        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(100));
+        let view = view(64, 64, DVec3::ZERO);
         let budget = Budget { most: 700_000, first: 100_000 };
-        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        let (drawn, expected) = crowds_within(&gpu, 100, &view, budget);
         let mut taken = vec![drawn.working_set().taken_bytes];
         for _ in 0..5 {
             assert!(picture(&drawn, &view, &ids(100)) == expected);
@@ -481,37 +492,13 @@ mod tests {
         assert_eq!(taken.last(), Some(&700_000), "{taken:?}");
     }
 
-    /// Occluders that are added and not submitted hold all of the memory until their own thread goes on.
+    /// Each of them takes all of the memory again and again. It waits until others have submitted their
+    /// draws, and they do not wait for it.
     #[test]
-    fn a_picture_waits_for_geometry_of_draws_that_another_thread_has_not_submitted() {
+    fn pictures_of_several_threads_share_a_little_memory() {
         let Some(gpu) = CheckedGpu::open() else { return };
-        let (scene, view) = (crowds(40), view(32, 32, DVec3::ZERO));
-        let all = Budget { most: 64 << 20, first: 64 << 20 };
-        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(40));
-        let budget = Budget { most: 100_000, first: 100_000 };
-        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
-        let mut occluders = OccluderPass::new(&drawn, view.viewport()).unwrap();
-        occluders.begin(&view).unwrap();
-        occluders.draw(&ids(40)).unwrap();
-        let found = thread::scope(|scope| {
-            let found = scope.spawn(|| picture(&drawn, &view, &ids(40)));
-            // Long enough, mostly, for the picture to need room.
-            thread::sleep(Duration::from_millis(100));
-            occluders.finish().unwrap();
-            found.join().unwrap()
-        });
-        assert!(found == expected);
-    }
-
-    /// Each of them takes all of the memory again and again.
-    #[test]
-    fn pictures_of_several_threads_do_not_wait_for_each_other_for_ever() {
-        let Some(gpu) = CheckedGpu::open() else { return };
-        let (scene, view) = (crowds(40), view(32, 32, DVec3::ZERO));
-        let all = Budget { most: 64 << 20, first: 64 << 20 };
-        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(40));
-        let budget = Budget { most: 100_000, first: 100_000 };
-        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        let view = view(32, 32, DVec3::ZERO);
+        let (drawn, expected) = crowds_within(&gpu, 40, &view, Budget { most: 100_000, first: 100_000 });
         thread::scope(|scope| {
             for _ in 0..3 {
                 scope.spawn(|| (0..20).for_each(|_| assert!(picture(&drawn, &view, &ids(40)) == expected)));

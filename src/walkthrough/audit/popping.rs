@@ -21,8 +21,8 @@ pub struct LevelSwitch {
 }
 
 impl Auditor {
-    /// Draws a frame twice without culling: with the levels that `camera` chooses, and with those that `before`
-    /// would choose of the same nodes.
+    /// Draws a frame twice without culling: with the levels that `camera` chooses, and with those that
+    /// `before` would choose of the same nodes.
     ///
     /// # Errors
     /// If the device fails.

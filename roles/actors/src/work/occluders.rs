@@ -98,8 +98,8 @@ impl OccluderPolicy {
         }
     }
 
-    /// Whether a last frame of `received` ids, of which that many were mapped, says little of this frame and is
-    /// replaced: it is the first one, or the camera has jumped.
+    /// Whether a last frame of `received` ids, of which that many were mapped, says little of this frame and
+    /// is replaced: it is the first one, or the camera has jumped.
     pub(super) const fn is_useless(self, mapped: usize, received: usize) -> bool {
         self.replaces && mapped * 2 <= received
     }
