@@ -11,17 +11,17 @@
 //! The algorithm draws what was visible while it waits for queries. Here OR draws it first, and HC waits for
 //! all queries of a step at once. So later queries have all of these occluders, and no wait is filled.
 
+mod boxes;
+
 use std::sync::Arc;
 
-use glam::DVec3;
 use trimaran_actors::{RoleError, Stop};
-use trimaran_cull::{
-    BoxMaker, Choice, CullError, DrawOrder, LodCut, Outline, Prepared, Reached, TestBox, Viewport,
-};
+use trimaran_cull::{Choice, CullError, DrawOrder, Prepared, Reached, TestBox, Viewport};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, VulkanCuller};
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::{Node, NodeId, Scene, random::Random};
 
+use self::boxes::Tests;
 use super::{
     failed,
     work::{FrameCuller, Seen},
@@ -31,10 +31,6 @@ use super::{
 const BATCH: usize = 50;
 /// A drawn node that was queried is taken for visible in so many frames.
 const ASSUMED_VISIBLE: u32 = 5;
-/// A node is queried by boxes at most so many levels below it,
-const DEEPEST: u32 = 3;
-/// and of at most this much more surface.
-const MOST_SURFACE: f64 = 1.4;
 
 /// The history of a node or a piece.
 #[derive(Debug, Clone, Copy, Default)]
@@ -318,61 +314,4 @@ impl FrameCuller for Chc {
 
 fn unreadable(fault: trimaran_scene::ReadError) -> RoleError {
     RoleError::of_culling::<VulkanCuller>(CullError::Scene(fault))
-}
-
-/// How the parts of a frame are found and tested.
-struct Tests<'s> {
-    cut: LodCut<'s>,
-    maker: BoxMaker,
-    eye: DVec3,
-}
-
-impl<'s> Tests<'s> {
-    fn new(scene: &'s Scene, seen: Seen<'_>) -> Self {
-        Self {
-            cut: LodCut::new(scene, seen.view, seen.rule),
-            maker: BoxMaker::new(seen.view, Outline::InBox),
-            eye: seen.view.eye(),
-        }
-    }
-
-    /// The boxes below a node that would be refined, if they are hardly larger than its own. `None` if they
-    /// are, or if one of them cannot be tested.
-    fn tight_boxes(&self, node: &Node) -> Option<Vec<TestBox>> {
-        let most = MOST_SURFACE * surface(node);
-        let nodes = self.cut.scene().nodes();
-        let mut best = None;
-        let mut level = vec![*node];
-        for _ in 0..DEEPEST {
-            let mut below = Vec::new();
-            for node in &level {
-                if node.is_leaf() {
-                    below.push(*node);
-                }
-                let children = node.children().map(|id| nodes.get(id as usize).copied());
-                let Some(children) = children.collect::<Option<Vec<Node>>>() else { return best };
-                below.extend(children);
-            }
-            if below.len() == level.len() || below.iter().map(surface).sum::<f64>() > most {
-                break;
-            }
-            let mut boxes = Vec::new();
-            for node in &below {
-                match self.maker.prepare(node) {
-                    Prepared::Test(own) => boxes.push(own),
-                    Prepared::Outside => {}
-                    Prepared::Visible(_) => return best,
-                }
-            }
-            (level, best) = (below, Some(boxes).filter(|boxes| !boxes.is_empty()));
-        }
-        best
-    }
-}
-
-/// The surface of a node's world box, square metres.
-fn surface(node: &Node) -> f64 {
-    let (min, max) = node.world_box();
-    let edges = max - min;
-    2.0 * (edges.x * edges.y + edges.y * edges.z + edges.z * edges.x)
 }
