@@ -35,14 +35,14 @@ pub struct Way {
 impl Way {
     /// Every system that culls exactly, with each occlusion test if it has a choice. Of systems that differ
     /// only in their links there is one. Rays are left out: at edges of triangles they may differ from a
-    /// rasterizer.
+    /// rasterizer. So is the whole model, which has no levels.
     #[must_use]
     pub fn all(rule: LodRule) -> Vec<Self> {
         let is_first = |(place, system): &(usize, System)| {
             System::ALL.iter().position(|other| other.same_work(*system)) == Some(*place)
         };
         let systems = System::ALL.into_iter().enumerate().filter(is_first).map(|(_, system)| system);
-        let exact = systems.filter(|system| system.culling() != CullingMethod::Rays);
+        let exact = systems.filter(|system| system.culling().shows_the_cut());
         let tests = |system: System| match system.culling() {
             CullingMethod::Trimaran => OcclusionTestKind::ALL.to_vec(),
             _ => vec![OcclusionTestKind::Hzb],

@@ -49,7 +49,7 @@ fn figure(caption: &'static str, name: &str, title: &str, chart: Chart) -> Figur
 /// The colour of a system, the same in every figure.
 fn class(system: System) -> &'static str {
     const CLASSES: [&str; System::ALL.len()] =
-        ["s0", "s1", "s10", "s2", "s3", "s4", "s5", "s6", "s11", "s7", "s8", "s9"];
+        ["s0", "s1", "s10", "s2", "s3", "s4", "s5", "s6", "s11", "s7", "s12", "s8", "s9"];
     let place = System::ALL.iter().position(|other| *other == system);
     place.and_then(|place| CLASSES.get(place)).copied().unwrap_or("exact")
 }

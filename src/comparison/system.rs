@@ -47,6 +47,8 @@ pub enum System {
     Chc,
     /// Levels of detail and the frustum on one GPU, and nothing else.
     Frustum,
+    /// The whole model at full detail on one GPU: no levels, no culling.
+    Whole,
     /// One culler that finds the exactly visible nodes with an item buffer.
     Exact,
     /// One culler that finds them by casting rays on the CPU.
@@ -71,7 +73,7 @@ pub struct UnknownSystem {
 
 impl System {
     /// Every system, those of the paper first.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::GigaWalk,
         Self::DistributedGigaWalk,
         Self::Paper,
@@ -82,9 +84,15 @@ impl System {
         Self::Alone,
         Self::Chc,
         Self::Frustum,
+        Self::Whole,
         Self::Exact,
         Self::Rays,
     ];
+
+    /// Those that draw the LOD cut, so that their pictures can be compared.
+    pub fn of_the_cut() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|system| *system != Self::Whole)
+    }
 
     /// The name used on the command line and in reports.
     #[must_use]
@@ -100,6 +108,7 @@ impl System {
             Self::Alone => "alone",
             Self::Chc => "chc++",
             Self::Frustum => "frustum",
+            Self::Whole => "whole",
             Self::Exact => "exact",
             Self::Rays => "rays",
         }
@@ -121,6 +130,7 @@ impl System {
             Self::Alone => "one GPU: occlusion culling in two passes",
             Self::Chc => "one GPU: CHC++, hardware queries that several hidden nodes share",
             Self::Frustum => "one GPU: levels of detail and the frustum, no occlusion culling",
+            Self::Whole => "one GPU: the whole model at full detail, no levels, no culling",
             Self::Exact => "one culler, which finds the exactly visible nodes with an item buffer",
             Self::Rays => "one culler without a GPU, which casts a ray through each pixel",
         }
@@ -134,6 +144,7 @@ impl System {
             Self::Paper => CullingMethod::Paper,
             Self::Chc => CullingMethod::Chc,
             Self::Frustum => CullingMethod::Frustum,
+            Self::Whole => CullingMethod::Whole,
             Self::Exact => CullingMethod::Exact,
             Self::Rays => CullingMethod::Rays,
             _ => CullingMethod::Trimaran,
@@ -144,7 +155,7 @@ impl System {
     #[must_use]
     pub const fn cullers(self) -> u8 {
         match self {
-            Self::Alone | Self::Chc | Self::Frustum => 0,
+            Self::Alone | Self::Chc | Self::Frustum | Self::Whole => 0,
             Self::Paper | Self::Switch | Self::Independent2 => 2,
             Self::Independent4 => 4,
             _ => 1,
@@ -164,7 +175,7 @@ impl System {
     #[must_use]
     pub const fn place(self) -> Place {
         match self {
-            Self::GigaWalk | Self::Alone | Self::Chc | Self::Frustum => Place::Threads,
+            Self::GigaWalk | Self::Alone | Self::Chc | Self::Frustum | Self::Whole => Place::Threads,
             _ => Place::Processes,
         }
     }

@@ -42,6 +42,10 @@ pub enum CullingMethod {
     /// draws the same picture finds less.
     #[cfg(feature = "lab")]
     Exact,
+    /// The whole model at full detail in each frame, without levels and culling: for comparisons of speed.
+    #[cfg(feature = "lab")]
+    #[value(skip)]
+    Whole,
 }
 
 impl CullingMethod {
@@ -61,6 +65,18 @@ impl CullingMethod {
             Self::Rays => "rays",
             #[cfg(feature = "lab")]
             Self::Exact => "exact",
+            #[cfg(feature = "lab")]
+            Self::Whole => "whole",
+        }
+    }
+
+    /// Whether it always shows the picture of the LOD cut, pixel by pixel.
+    #[must_use]
+    pub const fn shows_the_cut(self) -> bool {
+        match self {
+            #[cfg(feature = "lab")]
+            Self::Rays | Self::Whole => false,
+            _ => true,
         }
     }
 

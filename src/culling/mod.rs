@@ -12,6 +12,8 @@ mod gigawalk;
 mod method;
 #[cfg(feature = "lab")]
 mod rays;
+#[cfg(feature = "lab")]
+mod whole;
 mod work;
 
 use std::sync::Arc;
@@ -33,6 +35,8 @@ use frustum::Frustum;
 #[cfg(feature = "lab")]
 use gigawalk::GigaWalk;
 pub use method::CullingMethod;
+#[cfg(feature = "lab")]
+use whole::Whole;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
 
@@ -78,6 +82,8 @@ impl Culling {
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
             #[cfg(feature = "lab")]
             CullingMethod::Rays => Box::new(trimaran_rays::Rays::new(scene)),
+            #[cfg(feature = "lab")]
+            CullingMethod::Whole => Box::new(Whole::new(scene)),
             #[cfg(feature = "lab")]
             CullingMethod::Exact => Box::new(Exact::new(scene, drawn, size).map_err(opening("opening it"))?),
         };

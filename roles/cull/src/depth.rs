@@ -98,8 +98,28 @@ impl DepthPyramid {
     /// Builds all levels over `image`.
     pub fn rebuild(&mut self, image: DepthImage<'_>) {
         let viewport = image.viewport();
-        let (mut width, mut height) = (viewport.width() as usize, viewport.height() as usize);
-        let mut count = 0;
+        self.reduce(viewport.width() as usize, viewport.height() as usize, 0, image.depth());
+        self.finest = Some(viewport);
+    }
+
+    /// Builds the levels over `half`, which is level 1 of a picture of size `viewport`: a device has reduced
+    /// the depth once. A picture of one pixel is its own level 1. Texels that `half` lacks are background.
+    pub fn rebuild_over_half(&mut self, viewport: Viewport, half: &[f32]) {
+        let [width, height] = [viewport.width(), viewport.height()].map(|side| side.div_ceil(2) as usize);
+        if self.levels.is_empty() {
+            self.levels.push(Level::default());
+        }
+        if let Some(first) = self.levels.first_mut() {
+            first.farthest.clear();
+            first.farthest.extend(half.iter().take(width * height));
+            first.resize(width, height);
+        }
+        self.reduce(width, height, 1, &[]);
+        self.finest = Some(viewport);
+    }
+
+    /// Fills all levels from `count` on. The one before, or `image` if there is none, has this size.
+    fn reduce(&mut self, mut width: usize, mut height: usize, mut count: usize, image: &[f32]) {
         while width > 1 || height > 1 {
             let (next_width, next_height) = (width.div_ceil(2), height.div_ceil(2));
             if self.levels.len() == count {
@@ -107,14 +127,13 @@ impl DepthPyramid {
             }
             let (done, rest) = self.levels.split_at_mut(count);
             let Some(level) = rest.first_mut() else { break };
-            let finer = done.last().map_or(image.depth(), |finer| &finer.farthest);
+            let finer = done.last().map_or(image, |finer| &finer.farthest);
             level.resize(next_width, next_height);
             level.reduce(finer, width);
             (width, height) = (next_width, next_height);
             count += 1;
         }
         self.levels.truncate(count);
-        self.finest = Some(viewport);
     }
 
     /// The size of the image this was built over.
@@ -135,11 +154,14 @@ impl DepthPyramid {
         self.levels.get(index.checked_sub(1)?).map(|level| level.farthest.as_slice())
     }
 
-    /// Level `index`; level 0 is `image`, the one this was built over.
-    pub(crate) fn level<'p>(&'p self, image: DepthImage<'p>, index: usize) -> Texels<'p> {
+    /// Level `index`; level 0 is `image`, the one this was built over. Without one nothing hides there.
+    pub(crate) fn level<'p>(&'p self, image: Option<DepthImage<'p>>, index: usize) -> Texels<'p> {
         match index.checked_sub(1).and_then(|index| self.levels.get(index)) {
             Some(level) => Texels { width: level.width, values: &level.farthest },
-            None => Texels { width: image.viewport().width() as usize, values: image.depth() },
+            None => image.map_or(Texels { width: 0, values: &[] }, |image| Texels {
+                width: image.viewport().width() as usize,
+                values: image.depth(),
+            }),
         }
     }
 }
@@ -196,7 +218,7 @@ mod tests {
             pyramid.rebuild(image);
             let (width, height) = (width as usize, height as usize);
             for level in 0..=pyramid.last_level() {
-                let texels = pyramid.level(image, level);
+                let texels = pyramid.level(Some(image), level);
                 for (y, x) in
                     (0..=(height - 1) >> level).flat_map(|y| (0..=(width - 1) >> level).map(move |x| (y, x)))
                 {
@@ -209,7 +231,20 @@ mod tests {
                 }
             }
             assert_eq!((width - 1).max(height - 1) >> pyramid.last_level(), 0, "{width} x {height}");
+            let mut over_half = DepthPyramid::default();
+            over_half.rebuild_over_half(viewport, pyramid.farthest(1).unwrap_or(&depth));
+            assert_eq!(over_half.last_level(), pyramid.last_level().max(1));
+            for level in 1..=pyramid.last_level() {
+                assert_eq!(over_half.farthest(level), pyramid.farthest(level), "{width} x {height}");
+            }
         }
+    }
+
+    #[test]
+    fn texels_that_half_a_depth_lacks_are_background() {
+        let mut pyramid = DepthPyramid::default();
+        pyramid.rebuild_over_half(Viewport::new(3, 2).unwrap(), &[0.5]);
+        assert_eq!([1, 2].map(|level| pyramid.farthest(level).unwrap()), [&[0.5, 0.0][..], &[0.0]]);
     }
 
     #[test]

@@ -22,7 +22,6 @@ pub struct HzbTest<'p> {
     image: DepthImage<'p>,
     pyramid: &'p DepthPyramid,
     outline: Outline,
-    by_rectangle: bool,
     stack: Vec<Texel>,
 }
 
@@ -63,7 +62,7 @@ impl<'p> HzbTest<'p> {
         if pyramid.viewport() != Some(image.viewport()) {
             return Err(HzbError::Size { image: image.viewport(), other: pyramid.viewport() });
         }
-        Ok(Self { image, pyramid, outline: Outline::OnScreen, by_rectangle: false, stack: Vec::new() })
+        Ok(Self { image, pyramid, outline: Outline::OnScreen, stack: Vec::new() })
     }
 
     /// The same test with outlines grown as `outline` says. With [`Outline::InBox`] it takes the same boxes
@@ -73,23 +72,13 @@ impl<'p> HzbTest<'p> {
         Self { outline, ..self }
     }
 
-    /// The same test by rectangles alone, the classic one: a box is hidden only if its nearest depth is
-    /// behind the at most 2 x 2 texels that its screen rectangle covers. Looser, with a constant number of
-    /// texels per box.
-    #[must_use]
-    pub fn by_rectangle(self) -> Self {
-        Self { by_rectangle: true, ..self }
-    }
-
     /// Whether the box is visible at any pixel.
     fn shows(&mut self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
         let grown = grown(self.outline);
         let Some(footprint) = projection.footprint(test_box, grown) else { return true };
         let Some(pixels) = footprint.pixels else { return false };
-        let level_index =
-            if self.by_rectangle { pixels.level_of_four_texels() } else { pixels.coarse_level() };
-        let level_index = level_index.min(self.pyramid.last_level());
-        let level = self.pyramid.level(self.image, level_index);
+        let level_index = pixels.coarse_level().min(self.pyramid.last_level());
+        let level = self.pyramid.level(Some(self.image), level_index);
         self.stack.clear();
         for y in pixels.y0 >> level_index..=pixels.y1 >> level_index {
             for x in pixels.x0 >> level_index..=pixels.x1 >> level_index {
@@ -99,11 +88,7 @@ impl<'p> HzbTest<'p> {
                 }
             }
         }
-        let shows = !self.stack.is_empty();
-        if self.by_rectangle {
-            return shows;
-        }
-        shows && self.shows_at_a_pixel(projection, test_box, &footprint, pixels, grown)
+        !self.stack.is_empty() && self.shows_at_a_pixel(projection, test_box, &footprint, pixels, grown)
     }
 
     /// Follows the texels on the stack down to a pixel at which the box is visible.
@@ -123,7 +108,7 @@ impl<'p> HzbTest<'p> {
                 return true;
             }
             let block = pixels.within(texel);
-            let farthest = self.pyramid.level(self.image, texel.level).at(texel.x, texel.y);
+            let farthest = self.pyramid.level(Some(self.image), texel.level).at(texel.x, texel.y);
             if shape.nearest_over(block) < f64::from(farthest) || shape.misses(block) {
                 continue;
             }

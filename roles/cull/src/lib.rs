@@ -42,6 +42,7 @@
 //! | `occlusion_test` | [`OcclusionTest`], the interface to the occluders' depth |
 //! | `boxes`, `frustum` | [`BoxMaker`]: the box that is tested in place of a node |
 //! | `depth`, `hzb`, `screen_box` | [`HzbTest`]: boxes tested against a pyramid of farthest depths |
+//! | `rectangle` | [`RectangleTest`]: the classic test against the same pyramid |
 //! | `screen_record` | [`ScreenRecords`]: boxes prepared for the same test on a device |
 //! | `traverse` | [`Culler`]: the traversal that keeps the visible nodes |
 //! | `rounds` | [`Rounds`]: found nodes as occluders of the same frame, if many are new |
@@ -71,6 +72,7 @@ mod occlusion_test;
 mod order;
 mod parallel;
 mod reached;
+mod rectangle;
 mod rgb_image;
 mod rounds;
 mod screen_box;
@@ -95,6 +97,7 @@ pub use occluders::{OCCLUDER_BIAS_PX, OccluderError, OccluderMapper, occluder_bi
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
 pub use reached::Reached;
+pub use rectangle::RectangleTest;
 pub use rgb_image::RgbImage;
 pub use rounds::{RoundRule, Rounds};
 pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};

@@ -173,7 +173,8 @@ impl Gpu {
     }
 
     /// Whether traversals on the device are compared with the host's.
-    pub(crate) const fn checks_traversals(&self) -> bool {
+    #[must_use]
+    pub const fn checks_traversals(&self) -> bool {
         self.check_traversals
     }
 

@@ -39,7 +39,7 @@
 //! | `layout`, `pipeline`, `scope`, `pass_kind`, `pass`, `solid_pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
-//! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
+//! | `pyramid`, `hzb`, `half_depth` | the depth's pyramid, a test of boxes against it, a copy of half of it |
 //! | `culler` | the device of a culler: occluders, and one of the tests |
 //! | `window` | pictures in windows of the system, with the feature `window` |
 //! | `timing`, `timestamps`, `validation` | times of passes, validation messages |
@@ -73,6 +73,7 @@ mod draw_record;
 mod draws;
 mod error;
 mod gpu;
+mod half_depth;
 mod hzb;
 mod item;
 mod layout;

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use trimaran_cull::{DepthImage, Viewport};
 
 use crate::draw_record::Fetch;
+use crate::half_depth::HalfDepth;
 use crate::hzb::HzbBoxes;
 use crate::pass::ScenePass;
 use crate::pass_kind::PassKind;
 use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
+use crate::reuse::reuse_or_make;
 use crate::solid_pass::SolidPass;
 use crate::{DeviceHzbTest, GpuError, GpuScene, QueryTest, RasterTest};
 
@@ -42,6 +44,7 @@ pub struct Occluders {
     queries: Option<QueryBoxes>,
     raster: Option<RasterBoxes>,
     hzb: Option<HzbBoxes>,
+    half: Option<HalfDepth>,
 }
 
 impl OccluderPass {
@@ -59,6 +62,17 @@ impl OccluderPass {
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
         self.pass.read_depth()
+    }
+
+    /// The farthest depth of each block of 2 x 2 pixels on the host, row by row: level 1 of a
+    /// [`DepthPyramid`](trimaran_cull::DepthPyramid), or the pixel of a picture that has no other. Made and
+    /// copied on the first call after drawing.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn read_half_depth(&mut self) -> Result<&[f32], GpuError> {
+        let Self { pass, kept } = self;
+        reuse_or_make(&mut kept.half, |_| true, || HalfDepth::new(pass))?.read(pass)
     }
 
     /// Tests boxes by occlusion queries against the drawn depth.

@@ -105,6 +105,16 @@ impl Pyramid {
         &self.texels
     }
 
+    /// The bytes of level 1, or of the only one: to the start of a buffer.
+    pub(crate) fn half(&self) -> vk::BufferCopy {
+        let texel = size_of::<f32>() as u64;
+        self.levels.get(1).or(self.levels.first()).map_or_else(Default::default, |level| vk::BufferCopy {
+            src_offset: u64::from(level.start) * texel,
+            dst_offset: 0,
+            size: u64::from(level.width) * u64::from(level.height) * texel,
+        })
+    }
+
     /// For tests of boxes that are grown by these margins.
     pub(crate) fn constants(&self, margins: ScreenMargins) -> Constants {
         let mut starts = [0; MAX_LEVELS];
@@ -224,6 +234,8 @@ mod tests {
             let pyramid = DepthPyramid::over(DepthImage::new(size, &expected).unwrap());
             (1..=pyramid.last_level()).for_each(|level| expected.extend(pyramid.farthest(level).unwrap()));
             assert!(levels_on_device(&mut pass) == expected, "{width} x {height}");
+            let half = pass.read_half_depth().unwrap();
+            assert!(half == pyramid.farthest(1).unwrap_or(&expected), "half of {width} x {height}");
         }
     }
 }

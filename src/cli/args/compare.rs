@@ -14,13 +14,14 @@ use super::{
 pub(crate) struct CompareArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
-    /// The systems to compare.
+    /// The systems to compare [default: all but whole].
     #[arg(
         long,
         value_name = "SYSTEM,..",
         value_enum,
         value_delimiter = ',',
-        default_values_t = System::ALL
+        default_values_t = System::of_the_cut(),
+        hide_default_value = true
     )]
     pub(crate) systems: Vec<System>,
     /// The error bounds of the tables, pixels. Coherence and lag are looked at with the first one.

@@ -13,8 +13,10 @@ use trimaran_proto::FrameNumber;
 use super::walks::{Comparing, Mode, Path, plan};
 use crate::cli::{Failure, progress};
 
-/// Audited frames of a path that are held against full detail: they take longest to draw.
-const ERRORS: usize = 20;
+/// Audited frames of all paths that are held against full detail, which takes longest to draw, and those that
+/// are held against the same frame with the levels of the one before. Each path has at least one of both.
+const ERRORS: usize = 40;
+const SWITCHES: usize = 200;
 
 /// The exact references of each audited frame at each error bound, and the device that draws them.
 pub(super) struct References {
@@ -27,7 +29,7 @@ struct OfBound {
     epsilon_px: f64,
     /// By path and frame.
     frames: BTreeMap<(u32, u32), Reference>,
-    /// By path, of each audited frame that has one before it.
+    /// By path, of some audited frames that have one before them.
     switches: BTreeMap<u32, Vec<LevelSwitch>>,
 }
 
@@ -43,10 +45,15 @@ impl References {
         let bar = progress::bar("references", (count * bounds.len()) as u64);
         for (index, path) in (0..).zip(paths) {
             let frames = audited(path, args.walk.audit_every);
-            let errors = frames.len().div_ceil(ERRORS).max(1);
+            let [errors, switches] =
+                [ERRORS, SWITCHES].map(|most| (frames.len() * paths.len()).div_ceil(most).max(1));
             for (place, frame) in frames.enumerate() {
                 for bound in 0..bounds.len() {
-                    references.draw(comparing, bound, index, path, frame, place % errors == 0)?;
+                    let of = (index, path, frame);
+                    references.draw(comparing, bound, of, place % errors == 0)?;
+                    if place % switches == 0 {
+                        references.switch(bound, of)?;
+                    }
                     bar.inc(1);
                 }
             }
@@ -60,9 +67,7 @@ impl References {
         &mut self,
         comparing: &Comparing<'_>,
         bound: usize,
-        index: u32,
-        path: &Path,
-        frame: u32,
+        (index, path, frame): (u32, &Path, u32),
         with_error: bool,
     ) -> Result<(), Failure> {
         if comparing.stop.requested() {
@@ -73,15 +78,21 @@ impl References {
             return Ok(());
         };
         auditor.see(plan(comparing.args, system, of.epsilon_px, Mode::Audited)?.settings());
-        let mut cameras = path.cameras.clone();
-        let camera = cameras.camera(FrameNumber(frame));
+        let camera = path.cameras.clone().camera(FrameNumber(frame));
         let reference = auditor.reference(camera, with_error).map_err(Failure::broken)?;
         of.frames.insert((index, frame), reference);
-        if let Some(before) = frame.checked_sub(1) {
-            let before = cameras.camera(FrameNumber(before));
-            let switch = auditor.level_switch(before, camera).map_err(Failure::broken)?;
-            of.switches.entry(index).or_default().push(switch);
-        }
+        Ok(())
+    }
+
+    /// Holds a frame, whose bound was the last one seen, against the levels of the frame before.
+    fn switch(&mut self, bound: usize, (index, path, frame): (u32, &Path, u32)) -> Result<(), Failure> {
+        let (Some(before), Some(of)) = (frame.checked_sub(1), self.found.get_mut(bound)) else {
+            return Ok(());
+        };
+        let mut cameras = path.cameras.clone();
+        let [before, camera] = [before, frame].map(|frame| cameras.camera(FrameNumber(frame)));
+        let switch = self.auditor.level_switch(before, camera).map_err(Failure::broken)?;
+        of.switches.entry(index).or_default().push(switch);
         Ok(())
     }
 

@@ -27,7 +27,7 @@ fn answers(mut test: impl OcclusionTest, view: &View, boxes: &[TestBox]) -> Vec<
 #[test]
 fn nothing_that_a_rasterized_test_shows_is_hidden() {
     let mut random = Random::new(9);
-    let (mut both_hide, mut rectangle_hides, mut reference_hides) = (0, 0, 0);
+    let (mut both_hide, mut rectangle_hides, mut half_hides, mut reference_hides) = (0, 0, 0, 0);
     for round in 0..60 {
         let (width, height) = [(64, 48), (1, 1), (1, 33), (77, 31), (127, 129)][round % 5];
         let fov = [60.0, 100.0, 20.0][round % 3];
@@ -49,8 +49,11 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
         let exact = answers(ReferenceTest::new(&occluders), &view, &boxes);
         let test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
         let fast = answers(test.clone(), &view, &boxes);
-        let loose = answers(test.by_rectangle(), &view, &boxes);
-        for (test_box, ((&count, &shows), &loosely)) in boxes.iter().zip(exact.iter().zip(&fast).zip(&loose))
+        let loose = answers(RectangleTest::new(Some(image), &pyramid), &view, &boxes);
+        let without_image = answers(RectangleTest::new(None, &pyramid), &view, &boxes);
+        let by_rectangle = loose.iter().zip(&without_image);
+        for (test_box, ((&count, &shows), (&loosely, &by_half))) in
+            boxes.iter().zip(exact.iter().zip(&fast).zip(by_rectangle))
         {
             let beyond_near =
                 -test_box.centre.z - test_box.axes.iter().map(|a| a.z.abs()).sum::<f32>() > 0.011;
@@ -62,6 +65,8 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
                 "{count} pixels of {test_box:?} show at {width} x {height}, fov {fov}"
             );
             assert!(shows <= loosely, "{test_box:?} is hidden by its rectangle, and shows");
+            assert!(loosely <= by_half, "{test_box:?} is hidden by half the depth, and shows");
+            half_hides += u32::from(by_half == 0);
             reference_hides += u32::from(count == 0);
             rectangle_hides += u32::from(loosely == 0);
             both_hide += u32::from(count == 0 && shows == 0);
@@ -69,6 +74,7 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
     }
     assert!(f64::from(both_hide) > 0.9 * f64::from(reference_hides), "{both_hide} of {reference_hides}");
     assert!(rectangle_hides < both_hide, "rectangles alone hide {rectangle_hides} of {reference_hides}");
+    assert!(half_hides * 2 > rectangle_hides, "with half the depth {half_hides} of {rectangle_hides}");
 }
 
 /// A wall hides all of a slanted rod, but not the corner of the rectangle around it.
@@ -86,8 +92,8 @@ fn a_rectangle_shows_where_the_box_in_it_does_not() {
         axes: [Vec3::new(5.0, -5.0, 0.0), Vec3::new(0.05, 0.05, 0.0), Vec3::new(0.0, 0.0, 0.05)],
     };
     let test = HzbTest::new(image, &pyramid).unwrap();
-    assert_eq!(answers(test.clone(), &view, &[rod]), [0]);
-    assert_eq!(answers(test.by_rectangle(), &view, &[rod]), [1]);
+    assert_eq!(answers(test, &view, &[rod]), [0]);
+    assert_eq!(answers(RectangleTest::new(Some(image), &pyramid), &view, &[rod]), [1]);
 }
 
 #[test]
@@ -189,4 +195,8 @@ fn sizes_must_agree() {
     let error = test.test(&view, &[], &mut Vec::new()).unwrap_err();
     let message = "a depth image of 3 x 2 pixels against 2 x 3 pixels: both must be of the view's size";
     assert_eq!(error.to_string(), message);
+    for image in [None, Some(image)] {
+        let error = RectangleTest::new(image, &pyramid).test(&view, &[], &mut Vec::new()).unwrap_err();
+        assert_eq!(error, HzbError::Size { image: view.viewport(), other: pyramid.viewport() });
+    }
 }
