@@ -4,10 +4,10 @@
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
-#   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene,
-#                                 with the occlusion tests named in TESTS, such as TESTS='hzb query'
-#   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks for, with the
-#                                 flags in COMPARE: ten minutes a scene with those that its page names
+#   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks and images for, with the
+#                                 flags in COMPARE: twenty minutes a scene with those that its page names
+#   docs/figures.sh sizes         those of tankers of 1 to 600 million triangles, and their figure: half an hour,
+#                                 12 GB of memory, and the packages gnuplot and time
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same
 # figures. A walk's ids are the same on any machine, too; when culling finds them is not. TRIMARAN names the
@@ -15,11 +15,11 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 what=${1:-}
-if [ "$what" = cullers ] || [ "$what" = compare ]; then
+if [ "$what" = compare ]; then
     shift
     scenes=$(realpath "$@")
 else
-    scene=${1:+$(realpath "$1")}
+    scene=${1:+$([ "$what" = sizes ] || realpath "$1")}
 fi
 cd "$here/.."
 if [ -z "${TRIMARAN:-}" ]; then
@@ -158,34 +158,45 @@ across() {
     ' "$out/runs.csv" >> "$block"
 }
 
-# by_cullers SCENE: what any number of cullers show of a walk, by the times that each role took alone.
-by_cullers() {
-    recording="--alone --frames 120 --audit-every 30 --occlusion-test $2"
-    echo "| cullers | schedule | frames/s | latency ms: p50 | p99 | objects | triangles | bytes a frame |" >> "$block"
-    echo "|---|---|---|---|---|---|---|---|" >> "$block"
-    for who in 0:independent 1:independent 2:switch 2:independent 4:independent 8:independent; do
-        who="--cullers ${who%:*} --schedule ${who#*:}"
-        "$TRIMARAN" run "$1" $who $recording --record "$out/walk.trace" --out "$out/walk" > "$out/said"
-        quietly --trace "$out/walk.trace" $who --network gigabit --link tcp --coding changes --frames 120
-        # drawn over exactly visible: NODES nodes, OBJECTS objects (..), TRIANGLES triangles (..)
-        tight=$(sed -n 's/^tightness.*nodes, \([0-9.]*\) objects.*), \([0-9.]*\) triangles.*/\1 | \2/p' "$out/said")
-        awk -F, -v tight="$tight" "$lib"'{
-            who = $at["cullers"] == 0 ? "–" : $at["schedule"]
-            print "| " $at["cullers"] " | " who " | " value("frames_per_second") " | " value("p50_ms") " | " value("p99_ms") \
-                " | " tight " | " value("bytes") " |"
-        }' "$out/runs.csv" >> "$block"
-    done
+# plain: a mean without its interval.
+plain='{ gsub(/ \([^)]*\)/, "") } { gsub(/ *\| */, "|") }'
+
+# by_size MILLIONS: a row of a tanker of so many million triangles, and its point in the figure.
+by_size() {
+    scene=$out/tanker.scene
+    "$TRIMARAN" generate tanker --triangles "${1}000000" -o "$scene" > /dev/null
+    first=$(command time -f '%e s|%M' "$TRIMARAN" run "$scene" --frames 1 --audit-every 0 --size 512x512 \
+        --out "$out/walk" 2>&1 > /dev/null | tail -n 1)
+    "$TRIMARAN" compare "$scene" --epsilon 2 --frames 40 --paths 5 --audit-every 20 --size 512x512 --curve --live \
+        --no-coherence --systems independent-1,frustum --out "$out/compared" > /dev/null
+    "$TRIMARAN" info --json "$scene" > "$out/info"
+    awk -F'|' -v millions="$1" -v first="$first" -v bytes="$(stat -c %s "$scene")" \
+        -v objects="$(sed -n 's/^ *"objects": *\([0-9]*\).*/\1/p' "$out/info")" -v points="$out/points" "$plain"'
+        /^<!-- / { of = $0 }
+        of ~ /speed/ && $2 ~ /^(independent-1|frustum)$/ { or[$2] = $3; hc[$2] = $4; rvg[$2] = $5; fps[$2] = $6 }
+        of ~ /drawn/ && $2 ~ /^(independent-1|frustum)$/ { shown[$2] = $3; drawn[$2] = $6 }
+        END {
+            split(first, at, "|"); us = "independent-1"
+            printf "| %s M | %s | %.0f MB | %s | %s | %s | %s | %s | %s | %s | %s | %s | %.0f MB |\n", millions, objects, \
+                bytes / 1e6, drawn[us], shown[us], or[us], hc[us], rvg[us], fps[us], drawn["frustum"], fps["frustum"], \
+                at[1], at[2] / 1024
+            print millions, fps[us], fps["frustum"] >> points
+        }' "$out/compared/tables.md" >> "$block"
 }
 
-if [ "$what" = cullers ]; then
-    for scene in $scenes; do
-        name=$(basename "$scene" .scene)
-        for test in ${TESTS:-hzb}; do
-            begin "cullers-$name-$test"
-            by_cullers "$scene" "$test"
-        done
+if [ "$what" = sizes ]; then
+    begin sizes
+    echo "| triangles | objects | file | triangles drawn | objects drawn | OR ms | HC ms | RVG ms | MODEL frames/s \
+| \`frustum\`: triangles | frames/s | first picture | memory |" >> "$block"
+    echo "|---|---|---|---|---|---|---|---|---|---|---|---|---|" >> "$block"
+    for millions in ${SIZES:-1 10 82 600}; do
+        by_size "$millions"
     done
-    place docs/measurements.md
+    gnuplot -e "set terminal svg size 640,360 font 'sans-serif,12'; set output 'docs/images/sizes.svg'; \
+        set logscale x; set yrange [0:*]; set xlabel 'million triangles'; set ylabel 'frames a second'; set key bottom left; \
+        plot '$out/points' using 1:2 with linespoints pt 7 lw 2 title 'independent-1', \
+             '$out/points' using 1:3 with linespoints pt 6 lw 2 title 'frustum'"
+    place docs/comparison.md
     exit
 fi
 
@@ -199,6 +210,10 @@ if [ "$what" = compare ]; then
             begin "$name-$kind"
             awk -v kind="$kind" '/^<!-- / { here = index($2, kind) == 1; next } here && NF' \
                 "$out/compared/tables.md" >> "$block"
+        done
+        for figure in "$out"/compared/figures/*.svg; do
+            image=docs/images/$name-$(basename "$figure")
+            [ ! -e "$image" ] || cp "$figure" "$image"
         done
     done
     place docs/comparison.md

@@ -26,7 +26,8 @@ export const PAGE = {
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
   if (process.argv[2] === "tests") {
     const tests = readdirSync("tests").filter(
-      (name) => name.endsWith(".test.ts") || ["driver.ts", "panel.ts", "sensors.ts"].includes(name),
+      (name) =>
+        name.endsWith(".test.ts") || ["driver.ts", "hardCases.ts", "panel.ts", "sensors.ts"].includes(name),
     );
     await build({
       ...common,

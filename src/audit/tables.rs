@@ -58,7 +58,7 @@ pub fn page(found: &HardCases, curves: &[Curve], command: &str) -> String {
             let _ = writeln!(page, "- {}, {}: {tests}", row.number, row.difficulty);
         }
     }
-    page.push('\n');
+    page += BROWSER;
     page += CURVES;
     curves.iter().for_each(|curve| add_curve(&mut page, curve));
     page
@@ -147,6 +147,16 @@ Where the camera stands still, nodes that come and go count as toggles. A cell n
 
 Rays are left out: a ray and a rasterizer may differ at the edge of a triangle. A display without cullers now
 and then draws all that is in sight, to find out whether that costs less. So its toggles are not counted.
+";
+
+/// All cases in a browser, by a test: the program has no browser.
+const BROWSER: &str = "\
+- all cases in a browser: `tests/pages/hard_cases.rs`
+
+The last one draws each frame with the page's renderer (WebGL2), whole and as the f64 oracle culls it. No pixel
+differs, except one of *a grating finer than a pixel*. There the browser's rasterizer shows another gap than
+the culler's ([why](design.md#why-culling-is-exact)).
+
 ";
 
 const CURVES: &str = "\

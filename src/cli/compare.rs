@@ -107,8 +107,10 @@ impl Comparing<'_> {
         let mut references = References::find(self, &bounds)?;
         found.popping = references.popping();
         for &epsilon in &self.args.epsilon {
-            let (table, points) = self.table(epsilon, &mut references)?;
+            let (table, points, ended) = self.table(epsilon, &mut references)?;
+            found.paths = table.paths();
             found.tables.push(table);
+            ended?;
             pictures.extend(references.pictures(&Plan { lod: lod(epsilon)?, ..self.first_plan })?);
             if self.args.curve.contains(&epsilon) {
                 found.curve.extend(points);
@@ -130,23 +132,32 @@ impl Comparing<'_> {
     }
 
     /// All systems at one error bound, path by path, so that other load on the machine affects them equally.
+    /// If it ends early, with the paths that all have walked, if there are any.
     fn table(
         &self,
         epsilon: f64,
         references: &mut References,
-    ) -> Result<(ComparisonTable, Vec<CurvePoint>), Failure> {
+    ) -> Result<(ComparisonTable, Vec<CurvePoint>, Result<(), Failure>), Failure> {
         let mut alone: Vec<(System, Vec<Report>)> =
             self.by_work().map(|system| (system, Vec::new())).collect();
         let mut measured: Vec<(System, Vec<Report>)> =
             self.args.systems.iter().map(|system| (*system, Vec::new())).collect();
-        for (index, path) in (0..).zip(&self.paths) {
+        let mut walk = |index, path| {
             for (system, reports) in &mut alone {
                 reports.push(self.audited(*system, epsilon, index, path, references)?);
             }
             for (system, reports) in &mut measured {
                 reports.push(self.walk(*system, epsilon, Mode::Measured, path)?);
             }
-        }
+            Ok(())
+        };
+        let ended = (0..).zip(&self.paths).try_for_each(|(index, path)| walk(index, path));
+        let whole = measured.iter().map(|(_, reports)| reports.len()).min().unwrap_or(0);
+        alone.iter_mut().chain(&mut measured).for_each(|(_, reports)| reports.truncate(whole));
+        let ended = match ended {
+            Err(failure) if whole == 0 => return Err(failure),
+            ended => ended,
+        };
         let figures = |(system, measured): &(System, Vec<Report>)| {
             let (_, alone) = alone.iter().find(|(other, _)| other.same_work(*system))?;
             Some(figures(*system, alone, measured))
@@ -157,7 +168,9 @@ impl Comparing<'_> {
             points.flat_map(|(path, report)| self.all_of(*of).map(move |system| point(system, path, report)))
         });
         let points = points.collect();
-        Ok((ComparisonTable { epsilon_px: epsilon, exact: exact(references, epsilon), systems }, points))
+        let mut exact = exact(references, epsilon);
+        exact.retain(|frame| (frame.path as usize) < whole);
+        Ok((ComparisonTable { epsilon_px: epsilon, exact, systems }, points, ended))
     }
 
     /// The same at other speeds along the path.

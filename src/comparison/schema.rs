@@ -266,6 +266,15 @@ pub struct LagPoint {
     pub flip_mean: Option<f64>,
 }
 
+impl ComparisonTable {
+    /// How many paths all its systems have walked.
+    #[must_use]
+    pub fn paths(&self) -> u32 {
+        let paths = self.systems.iter().map(|figures| figures.drawn.len()).min();
+        paths.and_then(|paths| u32::try_from(paths).ok()).unwrap_or(0)
+    }
+}
+
 impl SystemFigures {
     /// Pixels unlike the picture without culling, all paths.
     #[must_use]
@@ -380,12 +389,12 @@ pub const PAPER: [PaperModel; 2] = [
     },
 ];
 
-/// Of SWITCH, Distributed GigaWalk and GigaWalk, in the order of the paper's table 1.
+/// Of the paper's own system, Distributed GigaWalk and GigaWalk, in the order of the paper's table 1.
 const fn paper(fps: [f64; 3], triangles: [f64; 2], objects: [f64; 2]) -> [PaperSystem; 3] {
-    let (switch, giga) = (System::Switch, System::GigaWalk);
+    let (own, giga) = (System::Paper, System::GigaWalk);
     let distributed = System::DistributedGigaWalk;
     [
-        PaperSystem { system: switch, fps: fps[0], triangles: triangles[0], objects: objects[0] },
+        PaperSystem { system: own, fps: fps[0], triangles: triangles[0], objects: objects[0] },
         PaperSystem { system: distributed, fps: fps[1], triangles: triangles[1], objects: objects[1] },
         PaperSystem { system: giga, fps: fps[2], triangles: triangles[1], objects: objects[1] },
     ]

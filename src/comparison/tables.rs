@@ -121,6 +121,9 @@ fn base(table: &ComparisonTable) -> Option<&SystemFigures> {
 /// The paper's tables 2 and 3.
 fn drawn(table: &ComparisonTable) -> Table {
     let row = |figures: &SystemFigures| {
+        let checked = |count: u64| {
+            if figures.audited_frames() > 0 { grouped(count as f64) } else { NONE.to_owned() }
+        };
         vec![
             figures.system.to_string(),
             of_drawn(figures, |drawn| Some(drawn.objects)),
@@ -130,8 +133,8 @@ fn drawn(table: &ComparisonTable) -> Table {
             of_drawn(figures, |drawn| drawn.triangles_over_exact),
             of_drawn(figures, |drawn| drawn.triangles_over_exact_median),
             of_drawn(figures, |drawn| Some(drawn.nodes)),
-            grouped(figures.wrong_pixels() as f64),
-            grouped(figures.lost_nodes() as f64),
+            checked(figures.wrong_pixels()),
+            checked(figures.lost_nodes()),
         ]
     };
     let exact = |of: fn(&ExactFrame) -> Option<u64>| {

@@ -125,8 +125,17 @@ impl Browser {
         Self::with(&[&width.to_string(), &height.to_string(), "touch"])
     }
 
+    /// The page's renderer alone, which draws a case a line.
+    pub(crate) fn with_hard_cases() -> Option<Self> {
+        Self::by("hardCases.mjs", &[])
+    }
+
     fn with(arguments: &[&str]) -> Option<Self> {
-        let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page/target/tests/driver.mjs");
+        Self::by("driver.mjs", arguments)
+    }
+
+    fn by(driver: &str, arguments: &[&str]) -> Option<Self> {
+        let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page/target/tests").join(driver);
         let chromium = env::var("TRIMARAN_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
         if !driver.exists() || !Path::new(&chromium).exists() {
             return skipped("it takes Chromium, and the driver that ./x page makes");

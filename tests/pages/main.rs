@@ -6,6 +6,7 @@
 mod common;
 
 mod controls;
+mod hard_cases;
 mod service;
 mod tools;
 mod walking;

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::common::program::{Bench, said};
+use crate::common::program::{Bench, Process, said};
 
 const FRAMES: &str = "12";
 
@@ -111,6 +111,31 @@ fn every_system_shows_the_same_pictures() {
     }
     let figure = fs::read_to_string(bench.path("c/figures/path-triangles-2.svg")).unwrap();
     assert!(figure.starts_with("<svg xmlns") && figure.contains("exactly visible"));
+}
+
+/// Ctrl-C loses only the path under way.
+#[test]
+fn a_comparison_that_is_interrupted_shows_the_paths_that_were_walked() {
+    let bench = Bench::with_plant(300);
+    let mut args = vec!["compare", "plant.scene", "--systems", "independent-1,frustum", "--paths", "60"];
+    args.extend(["--frames", "40", "--size", "64x64", "--audit-every", "10", "--epsilon", "4", "--curve"]);
+    args.extend(["--live", "--no-coherence", "--out", "c"]);
+    let mut comparing = Process::start(bench.command(&args).env("TRIMARAN_LOG", "info"));
+    // A culler is a process of its own on each path.
+    for _ in 0..3 {
+        comparing.says("has left");
+    }
+    comparing.signal("INT");
+    let said = comparing.ends(3);
+    assert!(said.contains("the comparison ended early, and its page says so: interrupted"), "{said}");
+    let found: Value = serde_json::from_slice(&fs::read(bench.path("c/compare.json")).unwrap()).unwrap();
+    let paths = found["paths"].as_u64().unwrap();
+    assert!((2..60).contains(&paths), "{paths}");
+    for figures in found["tables"][0]["systems"].as_array().unwrap() {
+        assert_eq!(figures["drawn"].as_array().unwrap().len() as u64, paths);
+        assert_eq!(figures["measured"]["fps"].as_array().unwrap().len() as u64, paths);
+    }
+    assert_eq!(found["notes"][0], "ended early: interrupted");
 }
 
 #[test]

@@ -3,7 +3,10 @@
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::looking;
 use trimaran_audit::{IdBuffer, ReferenceTest, rasterize_triangle};
-use trimaran_cull::{DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, View, Viewport};
+use trimaran_cull::{
+    DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest, Outline, RectangleTest, TestBox, View,
+    Viewport,
+};
 use trimaran_scene::random::Random;
 
 fn random_box(random: &mut Random) -> TestBox {
