@@ -3,7 +3,10 @@
 use std::{
     io,
     panic::{self, AssertUnwindSafe},
-    sync::Arc,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
     thread::{self, Scope, ScopedJoinHandle},
     time::Duration,
 };
@@ -19,9 +22,9 @@ use trimaran::{
 use trimaran_actors::{CullerService, NewSession, RoleError, SessionLimits, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::{DeviceKind, GpuScene};
 use trimaran_proto::{SessionKey, Settings, Viewport};
-use trimaran_transport::causes;
+use trimaran_transport::{TokioNet, causes};
 
-use super::Failure;
+use super::{Failure, service_manager::ServiceManager};
 
 /// The step of the wait for sessions to tell their displays that they end.
 const STEP: Duration = Duration::from_millis(10);
@@ -36,6 +39,9 @@ pub(super) struct Host<'h> {
     /// How it culls.
     pub(super) method: CullingMethod,
     pub(super) limits: SessionLimits,
+    pub(super) manager: ServiceManager,
+    /// How many displays it serves.
+    pub(super) serving: AtomicUsize,
 }
 
 /// A session that goes on.
@@ -62,6 +68,7 @@ impl Host<'_> {
     ///
     /// Any other error in a session ends that session: its display is told, and the others go on.
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
+        let net = TokioNet::new(self.runtime.handle().clone());
         let turns = Turns::fair(at_once(self.drawn.gpu().info().kind));
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
         thread::scope(|scope| {
@@ -74,7 +81,8 @@ impl Host<'_> {
                             Some(error) = failures.recv() => Err(Failure::broken(error)),
                         }
                     };
-                    let Some(session) = self.runtime.block_on(stop.unless_requested(next)) else {
+                    let next = self.manager.watching(&net, stop.unless_requested(next));
+                    let Some(session) = self.runtime.block_on(next) else {
                         return Ok(());
                     };
                     let session = session?;
@@ -119,7 +127,9 @@ impl Host<'_> {
             Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
         };
         let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
+        self.tell(self.serving.fetch_add(1, Ordering::Relaxed) + 1);
         let played = runtime.block_on(session.play(work, turns, drawables, scene, limits, over));
+        self.tell(self.serving.fetch_sub(1, Ordering::Relaxed) - 1);
         match played {
             Err(error) if error.device_failure().is_none() => {
                 eprintln!("trimaran: {name} is gone: {}", causes(&error));
@@ -130,6 +140,11 @@ impl Host<'_> {
                 played
             }
         }
+    }
+
+    /// Tells the service manager how many displays are served.
+    fn tell(&self, displays: usize) {
+        self.manager.status(&format!("scene {}, displays: {displays}", self.file.path.display()));
     }
 
     /// Tells a display that its session gets no thread.

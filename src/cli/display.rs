@@ -24,11 +24,12 @@ use trimaran_actors::{
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
 use trimaran_scene::{Scene, path::PathKind};
-use trimaran_transport::{Net, causes, until};
+use trimaran_transport::{Instant, Net, causes, until};
 
 use super::{
     Failure,
     recording::{Early, Recording},
+    service_manager::ServiceManager,
     walking::{self, Metrics},
 };
 
@@ -144,9 +145,15 @@ impl<'s> DisplaySession<'s> {
         };
         let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
         let links = self.metrics.links();
-        let mut watched = Watched { recorder, links, bar: bar.as_ref(), ahead: None };
+        let manager = ServiceManager::of_this_process();
+        let net = Arc::clone(&self.net);
+        let status = Status { manager, net: Arc::clone(&net), told: (net.now(), 0), cullers: 0 };
+        let mut watched = Watched { recorder, links, bar: bar.as_ref(), ahead: None, status };
         let mut no_cullers = Box::pin(no_cullers);
-        let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
+        let mut walk = || {
+            let walk = self.walk(&mut watched, stop, no_cullers.as_mut());
+            runtime.block_on(manager.watching(&*net, walk))
+        };
         // The frames before a failure are worth a report.
         let early = beside(&mut walk).err();
         bar.iter().for_each(ProgressBar::finish_and_clear);
@@ -267,6 +274,33 @@ struct Watched<'w, 'p> {
     links: LinkMetrics,
     bar: Option<&'w ProgressBar>,
     ahead: Option<SentAhead>,
+    status: Status,
+}
+
+/// The state of a walk, for the service manager.
+struct Status {
+    manager: ServiceManager,
+    net: Arc<dyn Net>,
+    /// When it was told last, and the next frame then.
+    told: (Instant, u32),
+    cullers: usize,
+}
+
+/// The shortest time between two of its messages.
+const STATUS_PERIOD: Duration = Duration::from_secs(1);
+
+impl Status {
+    /// Tells it, unless it was told just now. `next` is the next frame.
+    fn tell(&mut self, next: FrameNumber) {
+        let (now, (told, before)) = (self.net.now(), self.told);
+        let since = now.since(told);
+        if since >= STATUS_PERIOD {
+            let rate = f64::from(next.0.saturating_sub(before)) / since.as_secs_f64();
+            let Self { manager, cullers, .. } = self;
+            manager.status(&format!("frame {}, {rate:.1} frames a second, cullers: {cullers}", next.0));
+            self.told = (now, next.0);
+        }
+    }
 }
 
 impl Observer for Watched<'_, '_> {
@@ -275,7 +309,9 @@ impl Observer for Watched<'_, '_> {
     }
 
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
-        self.recorder.shown(frame)
+        self.recorder.shown(frame)?;
+        self.status.tell(self.recorder.next_frame());
+        Ok(())
     }
 
     fn culled(&mut self, stats: &FrameStats) {
@@ -287,12 +323,14 @@ impl Observer for Watched<'_, '_> {
         let said = match event {
             CullerEvent::Came(id, link) => {
                 self.links.add(id.to_string(), link);
+                self.status.cullers += 1;
                 // At the start no culler is missing.
                 (before.0 > 0).then(|| format!("{id} came before {before}"))
             }
             CullerEvent::Late(id) => Some(format!("{id} was late with {before}")),
             CullerEvent::Left(id, why) => {
                 self.links.remove(&id.to_string());
+                self.status.cullers = self.status.cullers.saturating_sub(1);
                 Some(format!("{id} was lost before {before}: {}", causes(why)))
             }
             _ => None,

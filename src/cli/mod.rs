@@ -33,6 +33,7 @@ mod report;
 mod role;
 mod run;
 mod serve;
+mod service_manager;
 #[cfg(feature = "lab")]
 mod sim;
 mod stat;

@@ -18,6 +18,7 @@ use trimaran_transport::{Endpoint, Endpoints, Options, UdpMode};
 
 use super::{
     Failure,
+    service_manager::ServiceManager,
     walking::{Start, role_gpu, scene, upload},
 };
 
@@ -54,7 +55,10 @@ pub(super) fn relay(
     if !until_input_ends {
         eprintln!("trimaran: the relay listens on {}", relay.endpoints());
     }
-    runtime.block_on(relay.run(&start.stop)).map_err(|error: RelayError| Failure::bad_input(error))
+    let manager = ServiceManager::of_this_process();
+    manager.ready(&format!("passes on what {} sends", config.upstream));
+    let relayed = runtime.block_on(manager.watching(&*start.net, relay.run(&start.stop)));
+    relayed.map_err(|error: RelayError| Failure::bad_input(error))
 }
 
 /// Draws the frames of a relay until it is stopped.

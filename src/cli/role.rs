@@ -1,6 +1,9 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::{Arc, atomic::AtomicUsize},
+    time::Duration,
+};
 
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -23,8 +26,9 @@ use super::{
     culling::{Host, largest, limits},
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
-    recording::{self, Recording, open_folder},
+    recording::{self, Outcome, Recording, open_folder},
     relay,
+    service_manager::ServiceManager,
     walking::{self, Start, role_gpu, scene, upload},
 };
 
@@ -116,7 +120,10 @@ fn culler(
     let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
     let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
     let links = metrics.links();
-    let host = Host { file: &file, drawn: &drawn, runtime, links, method: config.culling, limits };
+    let manager = ServiceManager::of_this_process();
+    let (method, serving) = (config.culling, AtomicUsize::new(0));
+    let host = Host { file: &file, drawn: &drawn, runtime, links, method, limits, manager, serving };
+    manager.ready(&format!("scene {}, displays: 0", file.path.display()));
     host.serve(service, &start.stop)
 }
 
@@ -200,10 +207,19 @@ fn display(
         turns: Turns::at_once(),
         bar: Some(progress::walk(plan.pace, &path)),
     };
-    match session.show_to_others(runtime, &start.stop).and_then(Recording::report) {
+    shown_and_reported(session, &start)?.map_or(Ok(()), |reported| reported.conclude(&config.out, false))
+}
+
+/// Walks, and reports; `None` if it was stopped before there was anything to report.
+fn shown_and_reported(session: DisplaySession<'_>, start: &Start<'_>) -> Result<Option<Outcome>, Failure> {
+    let manager = ServiceManager::of_this_process();
+    manager.ready("waits for cullers");
+    let shown = session.show_to_others(start.runtime(), &start.stop);
+    let _reporting = manager.meanwhile(start.runtime());
+    match shown.and_then(Recording::report) {
         // A service that waits is stopped as any other.
-        Err(failure) if failure.is_stop() => Ok(()),
-        shown => shown?.conclude(&config.out, false),
+        Err(failure) if failure.is_stop() => Ok(None),
+        reported => reported.map(Some),
     }
 }
 
@@ -276,10 +292,7 @@ fn display_without_scene(
         turns: Turns::at_once(),
         bar: Some(progress::walk(plan.pace, &path)),
     };
-    match session.show_to_others(runtime, &start.stop).and_then(Recording::report) {
-        Err(failure) if failure.is_stop() => Ok(()),
-        shown => shown?.conclude(&config.out, false),
-    }
+    shown_and_reported(session, start)?.map_or(Ok(()), |reported| reported.conclude(&config.out, false))
 }
 
 /// Listens for cullers that come by themselves.

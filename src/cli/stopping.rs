@@ -9,7 +9,7 @@ use tokio::{
 use trimaran_actors::{Stop, Stopper};
 use trimaran_transport::{Net, TokioNet, sleep_until, until};
 
-use super::Failure;
+use super::{Failure, service_manager::ServiceManager};
 
 /// After a stop request, how long peers have to receive the close; then the time when the process exits
 /// regardless.
@@ -40,6 +40,7 @@ pub(super) fn stoppable_service() -> Result<(Stopper, Stop), Failure> {
                 }
             };
             signalled().await;
+            ServiceManager::stopping();
             stopper.stop();
             let net = TokioNet::new(Handle::current());
             let (heard, ended) = (net.now().after(HEARD), net.now().after(ENDED));

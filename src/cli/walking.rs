@@ -29,6 +29,7 @@ use trimaran_transport::{Net, Options, TokioNet, ws::WsOptions};
 use super::{
     Failure,
     args::{CullerArgs, DeviceArgs, OcclusionTestArg, WalkArgs},
+    service_manager::ServiceManager,
     stopping::stoppable_service,
 };
 
@@ -162,6 +163,7 @@ fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {
                     _ = interrupt.recv() => {}
                     _ = terminate.recv() => {}
                 }
+                ServiceManager::stopping();
                 stopper.stop();
             }
         });

@@ -98,6 +98,34 @@ fn a_service_that_is_restarted_in_a_walk_takes_its_place_again_and_no_frame_is_m
     });
 }
 
+/// systemd knows whether a service works, what it does and whether it has hung.
+#[test]
+fn a_service_tells_when_it_works_and_is_restarted_when_it_hangs() {
+    let walk = Walk::endless();
+    let Some(machine) = Machine::boot("told") else { return };
+    walk.install(&machine, Over::Quic);
+    machine.run("sed 's/^listen/lisen/' /etc/trimaran/one.toml > /etc/trimaran/wrong.toml");
+    machine.run("! systemctl start trimaran-culler@wrong");
+    let status = |(service, _): (&str, u16)| machine.run(&format!("systemctl show -P StatusText {service}"));
+    machine.wait_for("the display's frame and rate", || {
+        let status = status(DISPLAY);
+        (status.starts_with("frame ") && status.ends_with(" frames a second, cullers: 2")).then_some(())
+    });
+    assert!(status(ONE).ends_with("plant.scene, displays: 1"), "{}", status(ONE));
+    let process = || machine.run(&format!("systemctl show -P MainPID {}", ONE.0));
+    machine.run(&format!("mkdir -p /etc/systemd/system/{}.service.d", ONE.0));
+    let section = "[Service]\nWatchdogSec=2\n";
+    fs::write(machine.path(&format!("/etc/systemd/system/{}.service.d/soon.conf", ONE.0)), section).unwrap();
+    machine.run(&format!("systemctl daemon-reload; systemctl restart {}", ONE.0));
+    walks(&machine, ONE);
+    let before = process();
+    machine.run(&format!("systemctl kill --signal=STOP {}", ONE.0));
+    machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+    walks(&machine, ONE);
+    assert_eq!(machine.run(&format!("systemctl show -P NRestarts {}", ONE.0)), "1");
+    walk.is_stopped(&machine);
+}
+
 /// The token grants access, and again after the service was killed.
 #[test]
 fn a_service_of_pages_is_there_again_after_it_was_killed() {
