@@ -24,7 +24,7 @@ use trimaran_gpu::{DeviceKind, GpuScene};
 use trimaran_proto::{SessionKey, Settings, Viewport};
 use trimaran_transport::{TokioNet, causes};
 
-use super::{Failure, service_manager::ServiceManager};
+use super::{Failure, log::SAID, service_manager::ServiceManager};
 
 /// The step of the wait for sessions to tell their displays that they end.
 const STEP: Duration = Duration::from_millis(10);
@@ -132,7 +132,7 @@ impl Host<'_> {
         self.tell(self.serving.fetch_sub(1, Ordering::Relaxed) - 1);
         match played {
             Err(error) if error.device_failure().is_none() => {
-                eprintln!("trimaran: {name} is gone: {}", causes(&error));
+                tracing::warn!(target: SAID, "{name} is gone: {}", causes(&error));
                 Ok(())
             }
             played => {
@@ -149,7 +149,7 @@ impl Host<'_> {
 
     /// Tells a display that its session gets no thread.
     fn turn_away(&self, session: NewSession, cause: io::Error, over: &Stop) {
-        eprintln!("trimaran: turned a display away: the system gives no thread: {cause}");
+        tracing::warn!(target: SAID, "turned a display away: the system gives no thread: {cause}");
         let over = over.clone();
         self.runtime.spawn(async move { session.turn_away(RoleError::Thread(cause), &over).await });
     }

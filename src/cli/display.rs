@@ -28,6 +28,7 @@ use trimaran_transport::{Instant, Net, causes, until};
 
 use super::{
     Failure,
+    log::SAID,
     recording::{Early, Recording},
     service_manager::ServiceManager,
     walking::{self, Metrics},
@@ -248,7 +249,7 @@ impl<'s> DisplaySession<'s> {
                     let missing = endpoints.iter().enumerate().filter(|(place, _)| !there(*place));
                     let missing: Vec<_> = missing.map(|(_, endpoint)| endpoint.to_string()).collect();
                     let (count, all) = (missing.len(), endpoints.len());
-                    eprintln!("trimaran: begins without {count} of {all} cullers: {}", missing.join(", "));
+                    tracing::warn!(target: SAID, "begins without {count} of {all} cullers: {}", missing.join(", "));
                     break;
                 }
             }
@@ -337,7 +338,7 @@ impl Observer for Watched<'_, '_> {
         };
         if let Some(said) = said {
             if let Some(bar) = self.bar {
-                bar.suspend(|| eprintln!("trimaran: {said}"));
+                bar.suspend(|| tracing::warn!(target: SAID, "{said}"));
             }
             self.recorder.note(said);
         }

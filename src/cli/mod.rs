@@ -21,6 +21,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
+mod log;
 #[cfg(all(feature = "lab", target_os = "linux"))]
 mod netem;
 mod output;
@@ -51,7 +52,6 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use indicatif::HumanCount;
 use serde::Serialize;
-use tracing_subscriber::EnvFilter;
 
 use args::{Cli, Command};
 use failure::Failure;
@@ -68,11 +68,14 @@ pub(crate) fn main() -> ExitCode {
         _ => false,
     };
     let usual = if is_quiet { "error" } else { "warn" };
-    log_to_stderr(cli.verbose, usual);
+    if let Err(failure) = log::to_stderr(cli.verbose, usual) {
+        eprintln!("trimaran: {failure}");
+        return failure.exit_code();
+    }
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("trimaran: {failure}");
+            tracing::error!(target: log::SAID, "{failure}");
             failure.exit_code()
         }
     }
@@ -116,22 +119,6 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Stat(args) => stat::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
-}
-
-/// Sends the log to standard error: the `usual` level, and more for each `-v`; `TRIMARAN_LOG` overrides.
-fn log_to_stderr(verbose: u8, usual: &str) {
-    let level = match verbose {
-        0 => usual,
-        1 => "info",
-        2 => "debug",
-        _ => "trace",
-    };
-    let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false);
-    // If standard error is closed, a message about that would panic in the task that logs.
-    let log = log.log_internal_errors(false);
-    // Colours are control characters, which only the terminal's own module may send.
-    log.with_ansi(false).with_writer(terminal::stderr).init();
 }
 
 /// Prints a value as JSON on standard output.

@@ -16,6 +16,7 @@ use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal
 use super::{
     Failure,
     args::PingArgs,
+    log::SAID,
     number, print_json,
     walking::{runtime, stop_on_signal},
 };
@@ -60,7 +61,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
 async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) -> Result<(), Failure> {
     let identity = Identity { role: Role::Culler, scene: Some(NO_SCENE.into()), session: None };
     let mut listener = Listener::bind(net, at, identity, options).await.map_err(Failure::bad_input)?;
-    eprintln!("trimaran: answers pings on {}", listener.local_endpoint());
+    tracing::info!(target: SAID, "answers pings on {}", listener.local_endpoint());
     loop {
         let link = listener.accept(net.now().after(FOR_EVER)).await.map_err(Failure::broken)?;
         let guest = link.peer.address;

@@ -20,7 +20,7 @@ use trimaran_transport::causes;
 
 #[cfg(feature = "lab")]
 use super::output;
-use super::{Failure, print_json, progress};
+use super::{Failure, log::SAID, print_json, progress};
 
 /// Why a walk ended before its end.
 #[derive(Debug)]
@@ -128,7 +128,7 @@ impl Recording<'_> {
         };
         let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
         if let Some(said) = ended.sentence(frames) {
-            eprintln!("trimaran: the walk {said}; reporting it");
+            tracing::warn!(target: SAID, "the walk {said}; reporting it");
         }
         let bar = progress::bar("reporting", records.len() as u64);
         let is_given_up = Grace::of(&stop).into_gives_up();

@@ -18,6 +18,7 @@ use trimaran_transport::{Endpoint, Endpoints, Options, UdpMode};
 
 use super::{
     Failure,
+    log::SAID,
     service_manager::ServiceManager,
     walking::{Start, role_gpu, scene, upload},
 };
@@ -53,7 +54,7 @@ pub(super) fn relay(
     };
     let Some(relay) = start.until(join)? else { return Ok(()) };
     if !until_input_ends {
-        eprintln!("trimaran: the relay listens on {}", relay.endpoints());
+        tracing::info!(target: SAID, "the relay listens on {}", relay.endpoints());
     }
     let manager = ServiceManager::of_this_process();
     manager.ready(&format!("passes on what {} sends", config.upstream));

@@ -24,6 +24,7 @@ use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
     culling::{Host, largest, limits},
+    log::SAID,
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
     recording::{self, Outcome, Recording, open_folder},
@@ -115,7 +116,7 @@ fn culler(
     let Some(service) = start.until(serve)? else { return Ok(()) };
     // A parent process that has started it knows the endpoints.
     if let Some(endpoints) = service.endpoints().filter(|_| !until_input_ends) {
-        eprintln!("trimaran: the culler listens on {endpoints}");
+        tracing::info!(target: SAID, "the culler listens on {endpoints}");
     }
     let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
     let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
@@ -169,7 +170,7 @@ fn display(
         None => Progress::new(SessionKey(start.net.random().map_err(Failure::broken)?)),
     };
     if let Some(went_on) = progress.went_on() {
-        eprintln!("trimaran: {went_on}");
+        tracing::info!(target: SAID, "{went_on}");
     }
     // Cullers that come by themselves learn the session from the handshake.
     let key = progress.session;
@@ -182,7 +183,7 @@ fn display(
     };
     let Some(listener) = start.until(listening)? else { return Ok(()) };
     if let Some(listener) = &listener {
-        eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
+        tracing::info!(target: SAID, "the display listens on {}", listener.local_endpoints());
     }
     let roles = vec![role_info(Machine::Display, &drawn)];
     let about = about(walk, &config.session.path, config.session.seed, roles);

@@ -9,7 +9,7 @@ use tokio::{
 use trimaran_actors::{Stop, Stopper};
 use trimaran_transport::{Net, TokioNet, sleep_until, until};
 
-use super::{Failure, service_manager::ServiceManager};
+use super::{Failure, log::SAID, service_manager::ServiceManager};
 
 /// After a stop request, how long peers have to receive the close; then the time when the process exits
 /// regardless.
@@ -47,7 +47,7 @@ pub(super) fn stoppable_service() -> Result<(Stopper, Stop), Failure> {
             let _again = until(&net, heard, signalled()).await;
             stopper.stop();
             sleep_until(&net, ended).await;
-            eprintln!("trimaran: ends, though a session has not");
+            tracing::warn!(target: SAID, "ends, though a session has not");
             process::exit(0);
         });
     };

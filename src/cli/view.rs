@@ -22,6 +22,7 @@ use super::{
     args::ViewArgs,
     browser, cooking,
     import::{print_report, read},
+    log::SAID,
     print_json, printed,
     serve::{Secret, Service},
     terminal::stdout,
@@ -82,7 +83,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
             match browser::open(&url) {
                 // The file stays: a browser may take its time to read it.
                 Ok(file) => opened = Some(file),
-                Err(_) => eprintln!("trimaran: found no browser to open: open the address above in one"),
+                Err(_) => tracing::warn!(target: SAID, "found no browser to open: open the address above in one"),
             }
         }
         Ok(())
@@ -202,7 +203,7 @@ impl Shown {
             Ok::<_, Failure>(imported.report.looked_for)
         };
         let once = |why: &dyn Display| {
-            eprintln!("trimaran: the cooked scene is not kept for another time: {why}");
+            tracing::warn!(target: SAID, "the cooked scene is not kept for another time: {why}");
             let folder = tempfile::tempdir().map_err(Failure::broken)?;
             cook(&folder.path().join(ONCE))?;
             Ok(Self::Once(folder))
@@ -218,7 +219,7 @@ impl Shown {
         match cook(cached.path()) {
             Ok(looked_for) => {
                 if let Err(why) = cached.keep(&looked_for) {
-                    eprintln!("trimaran: the cooked scene may be cooked again another time: {why}");
+                    tracing::warn!(target: SAID, "the cooked scene may be cooked again another time: {why}");
                 }
                 Ok(Self::Cached(cached))
             }

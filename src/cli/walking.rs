@@ -29,6 +29,7 @@ use trimaran_transport::{Net, Options, TokioNet, ws::WsOptions};
 use super::{
     Failure,
     args::{CullerArgs, DeviceArgs, OcclusionTestArg, WalkArgs},
+    log::SAID,
     service_manager::ServiceManager,
     stopping::stoppable_service,
 };
@@ -272,7 +273,7 @@ impl Metrics {
         let shown = at.map(|at| links.clone().serve(at, names, runtime.handle())).transpose();
         let shown = shown.map_err(Failure::broken)?;
         if let Some(serving) = &shown {
-            eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
+            tracing::info!(target: SAID, "metrics on http://{}/metrics", serving.address());
         }
         Ok(Self { links, _shown: shown })
     }
