@@ -99,6 +99,14 @@ fn about(comparing: &Comparing<'_>) -> Comparison {
     }
 }
 
+/// The walks at one error bound.
+struct Walked {
+    table: ComparisonTable,
+    points: Vec<CurvePoint>,
+    /// Why some paths were not walked.
+    ended: Result<(), Failure>,
+}
+
 impl Comparing<'_> {
     /// Walks all requested paths. Results from before a failure stay.
     fn fill(&self, found: &mut Comparison, pictures: &mut Vec<ComparedPicture>) -> Result<(), Failure> {
@@ -107,7 +115,7 @@ impl Comparing<'_> {
         let mut references = References::find(self, &bounds)?;
         found.popping = references.popping();
         for &epsilon in &self.args.epsilon {
-            let (table, points, ended) = self.table(epsilon, &mut references)?;
+            let Walked { table, points, ended } = self.table(epsilon, &mut references)?;
             found.paths = table.paths();
             found.tables.push(table);
             ended?;
@@ -133,11 +141,7 @@ impl Comparing<'_> {
 
     /// All systems at one error bound, path by path, so that other load on the machine affects them equally.
     /// If it ends early, with the paths that all have walked, if there are any.
-    fn table(
-        &self,
-        epsilon: f64,
-        references: &mut References,
-    ) -> Result<(ComparisonTable, Vec<CurvePoint>, Result<(), Failure>), Failure> {
+    fn table(&self, epsilon: f64, references: &mut References) -> Result<Walked, Failure> {
         let mut alone: Vec<(System, Vec<Report>)> =
             self.by_work().map(|system| (system, Vec::new())).collect();
         let mut measured: Vec<(System, Vec<Report>)> =
@@ -170,7 +174,7 @@ impl Comparing<'_> {
         let points = points.collect();
         let mut exact = exact(references, epsilon);
         exact.retain(|frame| (frame.path as usize) < whole);
-        Ok((ComparisonTable { epsilon_px: epsilon, exact, systems }, points, ended))
+        Ok(Walked { table: ComparisonTable { epsilon_px: epsilon, exact, systems }, points, ended })
     }
 
     /// The same at other speeds along the path.

@@ -45,7 +45,9 @@ pub(super) fn to_stderr(verbose: u8, usual: &str) -> Result<(), Failure> {
         }
         Ok("text") | Err(_) => log.event_format(ForPeople(format)).init(),
         Ok(other) => {
-            return Err(Failure::bad_input(format!("TRIMARAN_LOG_FORMAT is {other:?}: it may be json or text")));
+            return Err(Failure::bad_input(format!(
+                "TRIMARAN_LOG_FORMAT is {other:?}: it may be json or text"
+            )));
         }
     }
     Ok(())

@@ -24,8 +24,8 @@ use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
     culling::{Host, largest, limits},
-    log::SAID,
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
+    log::SAID,
     progress,
     recording::{self, Outcome, Recording, open_folder},
     relay,
@@ -196,7 +196,7 @@ fn display(
         join_timeout,
         metrics,
         trace: config.record.clone(),
-        net: start.net,
+        net: Arc::clone(&start.net),
         key,
         progress: Some(progress),
         cullers: Cullers {

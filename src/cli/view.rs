@@ -83,7 +83,9 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
             match browser::open(&url) {
                 // The file stays: a browser may take its time to read it.
                 Ok(file) => opened = Some(file),
-                Err(_) => tracing::warn!(target: SAID, "found no browser to open: open the address above in one"),
+                Err(_) => {
+                    tracing::warn!(target: SAID, "found no browser to open: open the address above in one");
+                }
             }
         }
         Ok(())

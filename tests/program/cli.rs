@@ -762,3 +762,21 @@ fn strict_makes_warnings_errors_and_writes_nothing() {
     assert_eq!(bench.files(), ["a.obj"], "something was left behind");
     bench.done(&["import", "a.obj", "-o", "a.scene"]);
 }
+
+#[test]
+fn the_log_is_text_or_json() {
+    let bench = Bench::empty();
+    let said_in = |format: &str| {
+        let mut command = bench.command(&["info", "missing.scene"]);
+        let output = command.env("TRIMARAN_LOG_FORMAT", format).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        said(&output)
+    };
+    let text = said_in("text");
+    assert!(text.starts_with("trimaran: ") && text.contains("missing.scene"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&said_in("json")).unwrap();
+    assert_eq!(json["level"], "ERROR");
+    assert_eq!(format!("trimaran: {}\n", json["fields"]["message"].as_str().unwrap()), text);
+    let refused = said_in("xml");
+    assert!(refused.contains("TRIMARAN_LOG_FORMAT is \"xml\": it may be json or text"), "{refused}");
+}

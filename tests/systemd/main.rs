@@ -106,12 +106,19 @@ fn a_service_tells_when_it_works_and_is_restarted_when_it_hangs() {
     walk.install(&machine, Over::Quic);
     machine.run("sed 's/^listen/lisen/' /etc/trimaran/one.toml > /etc/trimaran/wrong.toml");
     machine.run("! systemctl start trimaran-culler@wrong");
+    let faults = |unit: &str| {
+        let of = "--no-pager --output cat --priority warning _COMM=trimaran --unit";
+        machine.run(&format!("journalctl {of} {unit}"))
+    };
+    let fault = faults("trimaran-culler@wrong");
+    assert!(fault.contains("lisen") && fault.contains("wrong.toml") && fault.lines().count() == 1, "{fault}");
     let status = |(service, _): (&str, u16)| machine.run(&format!("systemctl show -P StatusText {service}"));
     machine.wait_for("the display's frame and rate", || {
         let status = status(DISPLAY);
         (status.starts_with("frame ") && status.ends_with(" frames a second, cullers: 2")).then_some(())
     });
     assert!(status(ONE).ends_with("plant.scene, displays: 1"), "{}", status(ONE));
+    assert_eq!([ONE, TWO, DISPLAY].map(|(service, _)| faults(service)), ["", "", ""].map(str::to_owned));
     let process = || machine.run(&format!("systemctl show -P MainPID {}", ONE.0));
     machine.run(&format!("mkdir -p /etc/systemd/system/{}.service.d", ONE.0));
     let section = "[Service]\nWatchdogSec=2\n";

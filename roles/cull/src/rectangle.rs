@@ -29,7 +29,10 @@ impl<'p> RectangleTest<'p> {
         let mut rows = pixels.y0 >> index..=pixels.y1 >> index;
         rows.any(|y| {
             let mut columns = pixels.x0 >> index..=pixels.x1 >> index;
-            columns.any(|x| !(footprint.nearest < f64::from(level.at(x, y))))
+            columns.any(|x| {
+                let hidden = footprint.nearest < f64::from(level.at(x, y));
+                !hidden
+            })
         })
     }
 }
