@@ -14,21 +14,31 @@ use crate::common::page::Browser;
 /// The cullers of each case: boxes rasterized, and boxes tested against a depth pyramid.
 const CULLERS: [Testing; 2] = [Testing::Rasterized, Testing::Pyramid];
 
-/// The case with gaps so narrow that culler and browser, whose rasterizers differ, see through others of them;
-/// and the most pixels, of all its frames, in which that shows.
-const NARROW: (&str, u64) = ("a grating finer than a pixel", 1);
+/// The cases in which the browser sees something past an occluder's edge and the culler does not, because
+/// their rasterizers differ; and the most pixels of all frames at which it does. A grating has gaps finer than
+/// a pixel; rounding moves a triangle of 500 m that is clipped 1 cm before the eye; an edge runs along the only
+/// row of a picture.
+const AT_EDGES: [(&str, u64); 3] = [
+    ("a grating finer than a pixel", 1),
+    ("scaled by 1e-3 to 1e3, mirrored, sheared", 3),
+    ("97 x 1", 1),
+];
 
 #[test]
 fn culling_changes_no_pixel_of_a_hard_case() {
     let Some(mut browser) = Browser::with_hard_cases() else { return };
+    let mut beyond = Vec::new();
     for case in hard_cases().unwrap() {
         let [boxes, pyramid] = CULLERS.map(|testing| found(&case, testing));
         let found = boxes.into_iter().zip(pyramid).map(|(a, b)| vec![a, b]);
         let wrong = wrong(&mut browser, &case, found.collect());
         println!("{}: {wrong:?} px in {} frames", case.name, case.views.len());
-        let most = if case.name == NARROW.0 { NARROW.1 } else { 0 };
-        assert!(wrong.iter().all(|wrong| *wrong <= most), "{}: {wrong:?} px, by culler", case.name);
+        let most = AT_EDGES.iter().find(|(name, _)| *name == case.name).map_or(0, |(_, most)| *most);
+        if wrong.iter().any(|wrong| *wrong > most) {
+            beyond.push((case.name, wrong));
+        }
     }
+    assert!(beyond.is_empty(), "pixels that culling changed, by culler: {beyond:?}");
 }
 
 /// Without one visible drawable, pixels are wrong.
