@@ -153,9 +153,9 @@ and then draws all that is in sight, to find out whether that costs less. So its
 const BROWSER: &str = "\
 - all cases in a browser: `tests/pages/hard_cases.rs`
 
-The last one draws each frame with the page's renderer (WebGL2), whole and as the f64 oracle culls it. No pixel
-differs in 34 of the 37 cases. In the others the browser sees something past an occluder's edge, where the
-culler's rasterizer covers it ([why](design.md#why-culling-is-exact)): 1 pixel of *a grating finer than a
+The last one draws each frame with the page's renderer (WebGL2), whole and as the f64 oracle culls it. No
+pixel differs in 34 of the 37 cases. In the others the browser sees something past an occluder's edge, where
+the culler's rasterizer covers it ([why](design.md#why-culling-is-exact)): 1 pixel of *a grating finer than a
 pixel*, 3 of *scaled by 1e-3 to 1e3*, 1 of *97 x 1*.
 
 ";

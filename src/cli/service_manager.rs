@@ -33,7 +33,7 @@ impl ServiceManager {
         tell(&[NotifyState::Ready, NotifyState::Status(status)]);
     }
 
-    /// What the service does.
+    /// Tells the service's present work.
     pub(super) fn status(self, status: &str) {
         tell(&[NotifyState::Status(status)]);
     }

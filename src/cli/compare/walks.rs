@@ -129,7 +129,8 @@ impl<'c> Comparing<'c> {
         Ok(self.recorded(system, &plan, mode, path, |_, _| Ok(()))?.0)
     }
 
-    /// Walks one of the paths with the roles one after another, and compares its frames with the exact ones if it draws the LOD cut.
+    /// Walks one of the paths with the roles one after another, and compares its frames with the exact ones
+    /// if it draws the LOD cut.
     pub(super) fn audited(
         &self,
         system: System,
