@@ -171,7 +171,8 @@ by_size() {
         --no-coherence --systems independent-1,frustum --out "$out/compared" > /dev/null
     "$TRIMARAN" info --json "$scene" > "$out/info"
     awk -F'|' -v millions="$1" -v first="$first" -v bytes="$(stat -c %s "$scene")" \
-        -v objects="$(sed -n 's/^ *"objects": *\([0-9]*\).*/\1/p' "$out/info")" -v points="$out/points" "$plain"'
+        -v objects="$(sed -n 's/^ *"objects": *\([0-9]*\).*/\1/p' "$out/info" | sed ':a;s/\B[0-9]\{3\}\>/,&/;ta')" \
+        -v points="$out/points" "$plain"'
         /^<!-- / { of = $0 }
         of ~ /speed/ && $2 ~ /^(independent-1|frustum)$/ { or[$2] = $3; hc[$2] = $4; rvg[$2] = $5; fps[$2] = $6 }
         of ~ /drawn/ && $2 ~ /^(independent-1|frustum)$/ { shown[$2] = $3; drawn[$2] = $6 }
@@ -193,7 +194,7 @@ if [ "$what" = sizes ]; then
         by_size "$millions"
     done
     gnuplot -e "set terminal svg size 640,360 font 'sans-serif,12'; set output 'docs/images/sizes.svg'; \
-        set logscale x; set yrange [0:*]; set xlabel 'million triangles'; set ylabel 'frames a second'; set key bottom left; \
+        set logscale x; set yrange [0:*]; set xlabel 'million triangles'; set ylabel 'frames a second'; set key center right; \
         plot '$out/points' using 1:2 with linespoints pt 7 lw 2 title 'independent-1', \
              '$out/points' using 1:3 with linespoints pt 6 lw 2 title 'frustum'"
     place docs/comparison.md
