@@ -18,11 +18,8 @@ const CULLERS: [Testing; 2] = [Testing::Rasterized, Testing::Pyramid];
 /// their rasterizers differ; and the most pixels of all frames at which it does. A grating has gaps finer than
 /// a pixel; rounding moves a triangle of 500 m that is clipped 1 cm before the eye; an edge runs along the only
 /// row of a picture.
-const AT_EDGES: [(&str, u64); 3] = [
-    ("a grating finer than a pixel", 1),
-    ("scaled by 1e-3 to 1e3, mirrored, sheared", 3),
-    ("97 x 1", 1),
-];
+const AT_EDGES: [(&str, u64); 3] =
+    [("a grating finer than a pixel", 1), ("scaled by 1e-3 to 1e3, mirrored, sheared", 3), ("97 x 1", 1)];
 
 #[test]
 fn culling_changes_no_pixel_of_a_hard_case() {
