@@ -116,7 +116,7 @@ impl Comparing<'_> {
         found.popping = references.popping();
         for &epsilon in &self.args.epsilon {
             let Walked { table, points, ended } = self.table(epsilon, &mut references)?;
-            found.paths = table.paths();
+            found.paths = found.paths.min(table.paths());
             found.tables.push(table);
             ended?;
             pictures.extend(references.pictures(&Plan { lod: lod(epsilon)?, ..self.first_plan })?);

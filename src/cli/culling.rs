@@ -3,6 +3,7 @@
 use std::{
     io,
     panic::{self, AssertUnwindSafe},
+    path::Path,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -39,9 +40,41 @@ pub(super) struct Host<'h> {
     /// How it culls.
     pub(super) method: CullingMethod,
     pub(super) limits: SessionLimits,
-    pub(super) manager: ServiceManager,
-    /// How many displays it serves.
-    pub(super) serving: AtomicUsize,
+}
+
+/// Tells the service manager how many displays are served.
+struct Serving<'h> {
+    manager: ServiceManager,
+    scene: &'h Path,
+    displays: AtomicUsize,
+}
+
+/// A display that is served until this is dropped.
+struct Served<'s>(&'s Serving<'s>);
+
+impl<'h> Serving<'h> {
+    fn begin(scene: &'h Path) -> Self {
+        let serving =
+            Self { manager: ServiceManager::of_this_process(), scene, displays: AtomicUsize::new(0) };
+        serving.manager.ready(&serving.status(0));
+        serving
+    }
+
+    fn one_more(&self) -> Served<'_> {
+        self.manager.status(&self.status(self.displays.fetch_add(1, Ordering::Relaxed) + 1));
+        Served(self)
+    }
+
+    fn status(&self, displays: usize) -> String {
+        format!("scene {}, displays: {displays}", self.scene.display())
+    }
+}
+
+impl Drop for Served<'_> {
+    fn drop(&mut self) {
+        let Serving { manager, displays, .. } = self.0;
+        manager.status(&self.0.status(displays.fetch_sub(1, Ordering::Relaxed) - 1));
+    }
 }
 
 /// A session that goes on.
@@ -69,8 +102,10 @@ impl Host<'_> {
     /// Any other error in a session ends that session: its display is told, and the others go on.
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
         let net = TokioNet::new(self.runtime.handle().clone());
+        let serving = Serving::begin(&self.file.path);
         let turns = Turns::fair(at_once(self.drawn.gpu().info().kind));
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
+        let serving = &serving;
         thread::scope(|scope| {
             let mut sessions: Vec<Running<'_>> = Vec::new();
             let mut serve = || {
@@ -81,7 +116,7 @@ impl Host<'_> {
                             Some(error) = failures.recv() => Err(Failure::broken(error)),
                         }
                     };
-                    let next = self.manager.watching(&net, stop.unless_requested(next));
+                    let next = serving.manager.watching(&net, stop.unless_requested(next));
                     let Some(session) = self.runtime.block_on(next) else {
                         return Ok(());
                     };
@@ -92,7 +127,10 @@ impl Host<'_> {
                     sessions.iter().filter(|old| old.key == key).for_each(|old| old.stopper.insist());
                     let (turns, failed, over_here) = (turns.clone(), failed.clone(), over.clone());
                     let play = move |session| {
-                        let played = AssertUnwindSafe(|| self.play(session, &turns, stop, &over_here));
+                        let played = AssertUnwindSafe(|| {
+                            let _served = serving.one_more();
+                            self.play(session, &turns, stop, &over_here)
+                        });
                         // The panic hook has already printed other panics on standard error.
                         if let Ok(Err(error)) = panic::catch_unwind(played) {
                             let _ended = failed.send(error);
@@ -127,9 +165,7 @@ impl Host<'_> {
             Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
         };
         let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
-        self.tell(self.serving.fetch_add(1, Ordering::Relaxed) + 1);
         let played = runtime.block_on(session.play(work, turns, drawables, scene, limits, over));
-        self.tell(self.serving.fetch_sub(1, Ordering::Relaxed) - 1);
         match played {
             Err(error) if error.device_failure().is_none() => {
                 tracing::warn!(target: SAID, "{name} is gone: {}", causes(&error));
@@ -140,11 +176,6 @@ impl Host<'_> {
                 played
             }
         }
-    }
-
-    /// Tells the service manager how many displays are served.
-    fn tell(&self, displays: usize) {
-        self.manager.status(&format!("scene {}, displays: {displays}", self.file.path.display()));
     }
 
     /// Tells a display that its session gets no thread.

@@ -249,7 +249,8 @@ impl<'s> DisplaySession<'s> {
                     let missing = endpoints.iter().enumerate().filter(|(place, _)| !there(*place));
                     let missing: Vec<_> = missing.map(|(_, endpoint)| endpoint.to_string()).collect();
                     let (count, all) = (missing.len(), endpoints.len());
-                    tracing::warn!(target: SAID, "begins without {count} of {all} cullers: {}", missing.join(", "));
+                    let missing = missing.join(", ");
+                    tracing::warn!(target: SAID, "begins without {count} of {all} cullers: {missing}");
                     break;
                 }
             }

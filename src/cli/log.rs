@@ -40,10 +40,13 @@ pub(super) fn to_stderr(verbose: u8, usual: &str) -> Result<(), Failure> {
     let format = Format::default().with_target(false);
     match env::var("TRIMARAN_LOG_FORMAT").as_deref() {
         Ok("json") => log.json().with_target(false).init(),
-        Ok("text") | Err(_) if is_journal() => {
-            log.event_format(Journal(format.without_time().with_level(false))).init();
+        Ok("text") | Err(_) => {
+            let line = match is_journal() {
+                true => Line::Journal(format.without_time().with_level(false)),
+                false => Line::ForPeople(format),
+            };
+            log.event_format(line).init();
         }
-        Ok("text") | Err(_) => log.event_format(ForPeople(format)).init(),
         Ok(other) => {
             return Err(Failure::bad_input(format!(
                 "TRIMARAN_LOG_FORMAT is {other:?}: it may be json or text"
@@ -61,32 +64,16 @@ fn is_journal() -> bool {
     stream == format!("{}:{}", about.dev(), about.ino())
 }
 
-/// As tracing prints it; messages that all people see have only the program's name before them.
-struct ForPeople(Format<Full>);
-
-impl<S: Subscriber + for<'a> LookupSpan<'a>, N: for<'a> FormatFields<'a> + 'static> FormatEvent<S, N>
-    for ForPeople
-{
-    fn format_event(
-        &self,
-        context: &FmtContext<'_, S, N>,
-        mut writer: Writer<'_>,
-        event: &Event<'_>,
-    ) -> fmt::Result {
-        if event.metadata().target() == SAID {
-            writer.write_str("trimaran: ")?;
-            context.format_fields(writer.by_ref(), event)?;
-            return writer.write_char('\n');
-        }
-        self.0.format_event(context, writer, event)
-    }
+/// How an event is written.
+enum Line {
+    /// As tracing prints it; messages that all people see have only the program's name before them.
+    ForPeople(Format<Full>),
+    /// In one line, with its priority.
+    Journal(Format<Full, ()>),
 }
 
-/// A line for each event, with its priority.
-struct Journal(Format<Full, ()>);
-
 impl<S: Subscriber + for<'a> LookupSpan<'a>, N: for<'a> FormatFields<'a> + 'static> FormatEvent<S, N>
-    for Journal
+    for Line
 {
     fn format_event(
         &self,
@@ -94,10 +81,20 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>, N: for<'a> FormatFields<'a> + 'stat
         mut writer: Writer<'_>,
         event: &Event<'_>,
     ) -> fmt::Result {
-        let mut text = String::new();
-        self.0.format_event(context, Writer::new(&mut text), event)?;
-        let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-        writeln!(writer, "<{}>{}", priority(*event.metadata().level()), lines.join(" "))
+        match self {
+            Self::ForPeople(_) if event.metadata().target() == SAID => {
+                writer.write_str("trimaran: ")?;
+                context.format_fields(writer.by_ref(), event)?;
+                writer.write_char('\n')
+            }
+            Self::ForPeople(format) => format.format_event(context, writer, event),
+            Self::Journal(format) => {
+                let mut text = String::new();
+                format.format_event(context, Writer::new(&mut text), event)?;
+                let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+                writeln!(writer, "<{}>{}", priority(*event.metadata().level()), lines.join(" "))
+            }
+        }
     }
 }
 

@@ -1,9 +1,6 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{
-    sync::{Arc, atomic::AtomicUsize},
-    time::Duration,
-};
+use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -121,10 +118,7 @@ fn culler(
     let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
     let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
     let links = metrics.links();
-    let manager = ServiceManager::of_this_process();
-    let (method, serving) = (config.culling, AtomicUsize::new(0));
-    let host = Host { file: &file, drawn: &drawn, runtime, links, method, limits, manager, serving };
-    manager.ready(&format!("scene {}, displays: 0", file.path.display()));
+    let host = Host { file: &file, drawn: &drawn, runtime, links, method: config.culling, limits };
     host.serve(service, &start.stop)
 }
 
@@ -261,7 +255,10 @@ fn display_without_scene(
         }
     };
     let deadline = start.net.now().after(start.join_timeout);
+    let manager = ServiceManager::of_this_process();
+    manager.ready("waits for a culler with a scene");
     let first = until(&*start.net, deadline, start.stop.unless_requested(first));
+    let first = manager.watching(&*start.net, first);
     let outline = match runtime.block_on(first) {
         Some(Some(outline)) => outline?,
         Some(None) => return Ok(()),

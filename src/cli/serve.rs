@@ -1,12 +1,6 @@
 //! `trimaran serve`: serves a scene to browsers and displays.
 
-use std::{
-    io::Write as _,
-    net::SocketAddr,
-    path::Path,
-    slice,
-    sync::{Arc, atomic::AtomicUsize},
-};
+use std::{io::Write as _, net::SocketAddr, path::Path, slice, sync::Arc};
 
 use tokio::sync::{mpsc, oneshot};
 use trimaran::{
@@ -23,7 +17,6 @@ use super::{
     args::{DeviceArgs, GuestArgs, ServeArgs},
     culling::{Host, largest, limits},
     printed,
-    service_manager::ServiceManager,
     stopping::stoppable_service,
     terminal::stdout,
     walking::{Metrics, open, runtime, upload},
@@ -114,10 +107,7 @@ impl Service<'_> {
         let method = CullingMethod::Trimaran;
         let limits = limits(&drawn, max_picture, depth_memory);
         let links = metrics.links();
-        let (manager, serving) = (ServiceManager::of_this_process(), AtomicUsize::new(0));
-        manager.ready(&format!("scene {}, displays: 0", file.path.display()));
-        let runtime = &runtime;
-        let host = Host { file: &file, drawn: &drawn, runtime, links, method, limits, manager, serving };
+        let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links, method, limits };
         let (driven, mut report) = oneshot::channel();
         runtime.spawn(async move {
             if let Some(report) = reported.recv().await {

@@ -4,7 +4,7 @@
 use std::{future::pending, time::Duration};
 
 use sd_notify::NotifyState;
-use tokio::{runtime::Runtime, task::JoinHandle};
+use tokio::{runtime::Runtime, task::JoinSet};
 use trimaran_transport::{Net, TokioNet, sleep_until};
 
 /// The service manager of this process. Without one, nothing is told.
@@ -12,15 +12,6 @@ use trimaran_transport::{Net, TokioNet, sleep_until};
 pub(super) struct ServiceManager {
     /// It restarts a service that has not been heard for this long.
     watchdog: Option<Duration>,
-}
-
-/// Tells that a service has not hung, until it is dropped.
-pub(super) struct Meanwhile(JoinHandle<()>);
-
-impl Drop for Meanwhile {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
 }
 
 impl ServiceManager {
@@ -45,9 +36,12 @@ impl ServiceManager {
 
     /// The service has not hung as long as the result is kept, though its main loop has ended: a report of a
     /// walk takes as long as its checks do.
-    pub(super) fn meanwhile(self, runtime: &Runtime) -> Meanwhile {
+    #[must_use]
+    pub(super) fn meanwhile(self, runtime: &Runtime) -> JoinSet<()> {
         let net = TokioNet::new(runtime.handle().clone());
-        Meanwhile(runtime.spawn(async move { self.watching(&net, pending::<()>()).await }))
+        let mut heard = JoinSet::new();
+        heard.spawn_on(async move { self.watching(&net, pending()).await }, runtime.handle());
+        heard
     }
 
     /// The result of `work`, a service's main loop. As long as that is polled, or waits, the service has not

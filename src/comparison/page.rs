@@ -150,7 +150,7 @@ fn header(comparison: &Comparison) -> Markup {
             h1 { "Systems compared on " (walk::file_name(&comparison.scene.file)) }
             p.setting {
                 (grouped(comparison.scene.triangles as f64)) " triangles in "
-                (grouped(comparison.scene.objects as f64)) " objects; " (walks(comparison)) " of "
+                (grouped(comparison.scene.objects as f64)) " objects; " (walks(comparison, comparison.paths)) " of "
                 (comparison.frames) " frames of " (comparison.width) " × " (comparison.height) " pixels; "
                 (comparison.device) ", " (comparison.cores) " cores for all roles. One scene, one level rule, \
                 the same paths, one run: only the culling and the roles that do it differ."

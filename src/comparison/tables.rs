@@ -82,7 +82,7 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
             figure(table.epsilon_px),
             comparison.cores,
             comparison.link,
-            walks(comparison),
+            walks(comparison, table.paths()),
             base.map_or(NONE, |base| base.system.name()),
         ),
         head: vec![
@@ -104,11 +104,11 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
 }
 
 /// The walks that the means are of.
-pub(super) fn walks(comparison: &Comparison) -> String {
+pub(super) fn walks(comparison: &Comparison, paths: u32) -> String {
     if comparison.seed.is_some() {
-        plural(comparison.paths.into(), "path", "paths")
+        plural(paths.into(), "path", "paths")
     } else {
-        format!("{} of one path", plural(comparison.paths.into(), "walk", "walks"))
+        format!("{} of one path", plural(paths.into(), "walk", "walks"))
     }
 }
 

@@ -113,6 +113,25 @@ fn every_system_shows_the_same_pictures() {
     assert!(figure.starts_with("<svg xmlns") && figure.contains("exactly visible"));
 }
 
+/// The whole model is drawn in each frame, and not held against the LOD cut.
+#[test]
+fn the_whole_model_is_drawn_at_full_detail() {
+    let bench = Bench::with_plant(300);
+    let info: Value = serde_json::from_str(&bench.done(&["info", "--json", "plant.scene"])).unwrap();
+    let mut args = vec!["compare", "plant.scene", "--systems", "whole,frustum", "--paths", "1", "--frames"];
+    args.extend(["3", "--size", "64x64", "--audit-every", "1", "--epsilon", "4", "--curve", "--live"]);
+    args.extend(["--no-coherence", "--out", "c", "--json"]);
+    let found: Value = serde_json::from_str(&bench.done(&args)).unwrap();
+    let [whole, frustum] = ["whole", "frustum"].map(|name| &figures(&found["tables"][0], name)["drawn"][0]);
+    assert_eq!(number(&whole["triangles"]), number(&info["triangles"]), "{info}");
+    assert_eq!([&whole["audited_frames"], &frustum["audited_frames"]], [0, 2]);
+    let tables = fs::read_to_string(bench.path("c/tables.md")).unwrap();
+    assert!(
+        tables.lines().any(|line| line.starts_with("| whole |") && line.ends_with("| – | – |")),
+        "{tables}"
+    );
+}
+
 /// Ctrl-C loses only the path under way.
 #[test]
 fn a_comparison_that_is_interrupted_shows_the_paths_that_were_walked() {
