@@ -101,7 +101,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
     let (culler, display) = (Keys::generate("culler".parse()?)?, Keys::generate("display".parse()?)?);
     let options = |own: &Keys, other: &Keys| {
         Options::default()
-            .with_security(Security { keys: own.clone(), peers: vec![other.public().clone().into()] })
+            .with_security(Security { keys: own.clone(), peers: vec![other.public().clone().into()].into() })
     };
     let identity = |role| Identity { role, scene: Some(SceneHash(0x1234).into()), session: None };
     let (here, there) = (options(&culler, &display), options(&display, &culler));

@@ -26,7 +26,7 @@ pub(crate) use cullers::CullerArgs;
 pub(crate) use cullers::ScheduleArg;
 #[cfg(feature = "lab")]
 pub(crate) use links::NetemArgs;
-pub(crate) use links::{Coding, PingArgs, StatArgs};
+pub(crate) use links::{Coding, PingArgs, StatArgs, StatusArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
@@ -112,8 +112,11 @@ pub(crate) enum Command {
     Keys(KeysCommand),
     /// Measure round trips over any transport, of a camera or of a frame of ids.
     Ping(PingArgs),
-    /// Watch what the links of a running role carry.
+    /// Watch what the links of a running role carry, its frames and their latency.
     Stat(StatArgs),
+    /// Say how a running role is, in one line. The exit code is that of a monitoring plugin: 0 it works, 1 it
+    /// lacks a culler or is full, 2 it does not work, 3 unknown.
+    Status(StatusArgs),
     /// Generate a plant, walk through it and say where the report is.
     Demo(DemoArgs),
     /// Check GPU, memory and sockets: what works, what is missing, what to install.
@@ -135,6 +138,17 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    /// A unit of systemd and a container give variables.
+    #[test]
+    fn each_flag_of_serve_has_a_variable() {
+        let command = Cli::command();
+        let serve = command.find_subcommand("serve").unwrap();
+        let flags = serve.get_arguments().filter(|arg| !arg.is_positional());
+        let missing: Vec<_> = flags.filter(|arg| arg.get_env().is_none()).map(|arg| arg.get_id()).collect();
+        // Each option of links has a variable of its own.
+        assert_eq!(missing, ["options"]);
     }
 
     #[test]

@@ -17,15 +17,16 @@ use parking_lot::Mutex;
 use tokio::{runtime::Runtime, sync::mpsc};
 use trimaran::{
     culling::{Culling, CullingMethod},
-    metrics::LinkMetrics,
+    metrics::{DeviceMemory, Metrics, Opened, TurnedAwayReading},
+    page::Pages,
     walkthrough::SceneFile,
 };
 use trimaran_actors::{CullerService, NewSession, RoleError, SessionLimits, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::{DeviceKind, GpuScene};
 use trimaran_proto::{SessionKey, Settings, Viewport};
-use trimaran_transport::{TokioNet, causes};
+use trimaran_transport::{ListenerStats, Net, TokioNet, causes, sleep_until};
 
-use super::{Failure, log::SAID, service_manager::ServiceManager};
+use super::{Failure, log::SAID, service_manager::ServiceManager, walking::opened};
 
 /// The step of the wait for sessions to tell their displays that they end.
 const STEP: Duration = Duration::from_millis(10);
@@ -36,10 +37,14 @@ pub(super) struct Host<'h> {
     pub(super) file: &'h SceneFile,
     pub(super) drawn: &'h Arc<GpuScene>,
     pub(super) runtime: &'h Runtime,
-    pub(super) links: LinkMetrics,
+    pub(super) metrics: Metrics,
     /// How it culls.
     pub(super) method: CullingMethod,
     pub(super) limits: SessionLimits,
+    /// How many displays may be there at once.
+    pub(super) places: usize,
+    /// The pages that it serves, if it does.
+    pub(super) pages: Option<Pages>,
 }
 
 /// Tells the service manager how many displays are served.
@@ -103,6 +108,14 @@ impl Host<'_> {
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
         let net = TokioNet::new(self.runtime.handle().clone());
         let serving = Serving::begin(&self.file.path);
+        service.sharing().observe(self.metrics.frames().clone());
+        if let Some(listener) = service.listener() {
+            self.metrics.links().listens(listener.stats.clone());
+            self.runtime.spawn(told_of_limits(net.clone(), listener.stats.clone()));
+        }
+        self.metrics.opened(self.opened(&net));
+        self.metrics.has_places(self.places);
+        self.metrics.ready();
         let turns = Turns::fair(at_once(self.drawn.gpu().info().kind));
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
         let serving = &serving;
@@ -154,25 +167,42 @@ impl Host<'_> {
         })
     }
 
+    /// What it has opened.
+    fn opened(&self, net: &TokioNet) -> Opened {
+        let Opened { scene, device, memory, .. } = opened(self.file, self.drawn);
+        let limits = self.limits.clone();
+        let memory = move || DeviceMemory { depth: limits.reserved(), ..memory() };
+        let (net, pages) = (net.clone(), self.pages.clone());
+        let pages = pages.map(|pages| -> Box<dyn Fn() -> usize + Send + Sync> {
+            Box::new(move || pages.open(net.now()))
+        });
+        Opened { scene, device, memory: Box::new(memory), pages }
+    }
+
     /// Plays a session. An error ends all sessions: the device is lost, or hangs.
     fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<(), RoleError> {
-        let Self { file, drawn, runtime, links, limits, .. } = self;
-        let watching = links.watch("display", &session.display);
-        let name = watching.peer();
-        tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
+        let Self { file, drawn, runtime, metrics, limits, .. } = self;
+        let watching = metrics.links().watch("display", &session.display);
+        let (name, stats) = (watching.peer(), session.display.stats.clone());
+        let _running = metrics.sessions().begin();
+        tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "has joined");
         let work = |settings: &Settings| {
             // Giving up a wait for the device ends all sessions: a single session waits to the end.
             Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
         };
         let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
         let played = runtime.block_on(session.play(work, turns, drawables, scene, limits, over));
+        if let Err(error) = &played {
+            metrics.sessions().failed(error);
+        }
+        let frames = stats.read().sent.end.messages;
         match played {
             Err(error) if error.device_failure().is_none() => {
-                tracing::warn!(target: SAID, "{name} is gone: {}", causes(&error));
+                tracing::warn!(target: SAID, "{name} is gone after {frames} frames: {}", causes(&error));
                 Ok(())
             }
             played => {
-                tracing::info!(display = name, "has left");
+                tracing::info!(display = name, frames, "has left");
                 played
             }
         }
@@ -183,6 +213,20 @@ impl Host<'_> {
         tracing::warn!(target: SAID, "turned a display away: the system gives no thread: {cause}");
         let over = over.clone();
         self.runtime.spawn(async move { session.turn_away(RoleError::Thread(cause), &over).await });
+    }
+}
+
+/// Tells when a limit of this listener is reached, at most once a minute.
+async fn told_of_limits(net: TokioNet, listener: ListenerStats) {
+    let mut before = TurnedAwayReading::default();
+    loop {
+        sleep_until(&net, net.now().after(Duration::from_secs(1))).await;
+        let now = TurnedAwayReading::of(&[listener.clone()]);
+        if now != before {
+            tracing::warn!(target: SAID, "turned away since the start, by limit: {now}");
+            before = now;
+            sleep_until(&net, net.now().after(Duration::from_secs(59))).await;
+        }
     }
 }
 

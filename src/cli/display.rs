@@ -9,7 +9,7 @@ use tokio::runtime::Runtime;
 use trimaran::{
     config::WhileLoading,
     culling::Culling,
-    metrics::LinkMetrics,
+    metrics::Metrics,
     report::{
         Run, Writer,
         schema::{Machine, RoleInfo, SentAhead, timestamp},
@@ -24,14 +24,14 @@ use trimaran_actors::{
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
 use trimaran_scene::{Scene, path::PathKind};
-use trimaran_transport::{Instant, Net, causes, until};
+use trimaran_transport::{Endpoint, Instant, Net, causes, until};
 
 use super::{
     Failure,
     log::SAID,
     recording::{Early, Recording},
     service_manager::ServiceManager,
-    walking::{self, Metrics},
+    walking::{self, MetricsServer, opened},
 };
 
 /// A display that is ready to walk.
@@ -44,8 +44,8 @@ pub(super) struct DisplaySession<'s> {
     pub(super) folder: Option<Writer>,
     /// How long it waits for its cullers before it begins without those that are missing.
     pub(super) join_timeout: Duration,
-    /// Where the traffic of the links is shown.
-    pub(super) metrics: Metrics,
+    /// Where its figures are shown.
+    pub(super) metrics: MetricsServer,
     /// Where to record the work of each frame.
     pub(super) trace: Option<PathBuf>,
     pub(super) net: Arc<dyn Net>,
@@ -145,11 +145,14 @@ impl<'s> DisplaySession<'s> {
             }
         };
         let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
-        let links = self.metrics.links();
+        let metrics = self.metrics.metrics.clone();
+        metrics.opened(opened(self.walk.file, self.walk.drawn));
+        metrics.has_places(endpoints.len());
+        metrics.ready();
         let manager = ServiceManager::of_this_process();
         let net = Arc::clone(&self.net);
         let status = Status { manager, net: Arc::clone(&net), told: (net.now(), 0), cullers: 0 };
-        let mut watched = Watched { recorder, links, bar: bar.as_ref(), ahead: None, status };
+        let mut watched = Watched { recorder, metrics, bar: bar.as_ref(), ahead: None, status };
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || {
             let walk = self.walk(&mut watched, stop, no_cullers.as_mut());
@@ -247,7 +250,11 @@ impl<'s> DisplaySession<'s> {
                 None => {
                     let there = |place| came.iter().any(|arrival: &Arrival| arrival.place == place);
                     let missing = endpoints.iter().enumerate().filter(|(place, _)| !there(*place));
-                    let missing: Vec<_> = missing.map(|(_, endpoint)| endpoint.to_string()).collect();
+                    let named = |(place, endpoint): (usize, &Endpoint)| match cullers.obstacle(place) {
+                        Some(why) => format!("{endpoint} ({why})"),
+                        None => format!("{endpoint} (no answer yet)"),
+                    };
+                    let missing: Vec<_> = missing.map(named).collect();
                     let (count, all) = (missing.len(), endpoints.len());
                     let missing = missing.join(", ");
                     tracing::warn!(target: SAID, "begins without {count} of {all} cullers: {missing}");
@@ -273,7 +280,7 @@ pub(super) fn seek(
 /// Watches a walk: records it, counts its links' traffic, and tells what becomes of cullers.
 struct Watched<'w, 'p> {
     recorder: Recorder<'p>,
-    links: LinkMetrics,
+    metrics: Metrics,
     bar: Option<&'w ProgressBar>,
     ahead: Option<SentAhead>,
     status: Status,
@@ -312,6 +319,7 @@ impl Observer for Watched<'_, '_> {
 
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.recorder.shown(frame)?;
+        self.metrics.frames().shown(frame);
         self.status.tell(self.recorder.next_frame());
         Ok(())
     }
@@ -324,14 +332,18 @@ impl Observer for Watched<'_, '_> {
         let before = self.recorder.next_frame();
         let said = match event {
             CullerEvent::Came(id, link) => {
-                self.links.add(id.to_string(), link);
+                self.metrics.links().add(id.to_string(), link);
                 self.status.cullers += 1;
                 // At the start no culler is missing.
                 (before.0 > 0).then(|| format!("{id} came before {before}"))
             }
-            CullerEvent::Late(id) => Some(format!("{id} was late with {before}")),
+            CullerEvent::Late(id) => {
+                self.metrics.frames().late();
+                Some(format!("{id} was late with {before}"))
+            }
             CullerEvent::Left(id, why) => {
-                self.links.remove(&id.to_string());
+                self.metrics.links().remove(&id.to_string());
+                self.metrics.sessions().failed(why);
                 self.status.cullers = self.status.cullers.saturating_sub(1);
                 Some(format!("{id} was lost before {before}: {}", causes(why)))
             }

@@ -38,6 +38,7 @@ mod service_manager;
 #[cfg(feature = "lab")]
 mod sim;
 mod stat;
+mod status;
 mod stopping;
 #[cfg(feature = "lab")]
 mod sweep;
@@ -67,10 +68,19 @@ pub(crate) fn main() -> ExitCode {
         Command::View(args) => args.window,
         _ => false,
     };
-    let usual = if is_quiet { "error" } else { "warn" };
+    // Services tell the journal what they do.
+    let is_service = matches!(cli.command, Command::Role(_) | Command::Serve(_)) && log::is_journal();
+    let usual = match (is_quiet, is_service) {
+        (true, _) => "error",
+        (false, true) => "info",
+        (false, false) => "warn",
+    };
     if let Err(failure) = log::to_stderr(cli.verbose, usual) {
         eprintln!("trimaran: {failure}");
         return failure.exit_code();
+    }
+    if let Command::Status(args) = &cli.command {
+        return status::run(args);
     }
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
@@ -117,6 +127,8 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Keys(command) => keys::run(&command),
         Command::Ping(args) => ping::run(&args),
         Command::Stat(args) => stat::run(&args),
+        // Its exit codes are of its own.
+        Command::Status(_) => Ok(()),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -140,7 +140,7 @@ impl CullerProcesses {
                     device_timeout_s: args.walk.device_timeout,
                     check_device: args.walk.check_device,
                 },
-                common: CommonConfig { join_timeout_s: 120.0, metrics: None, keys },
+                common: CommonConfig { join_timeout_s: 120.0, metrics: None, log: None, keys },
                 peers,
             };
             let path = folder.join(format!("culler-{}.toml", id.index() + 1));

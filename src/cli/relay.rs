@@ -5,7 +5,7 @@ use std::{fs, path::Path, sync::Arc};
 use tokio::runtime::Runtime;
 use trimaran::{
     config::{ConfigError, PeerFiles, RelayConfig, WatcherConfig, security},
-    metrics::LinkMetrics,
+    metrics::Metrics,
     vulkan::VulkanDisplay,
 };
 use trimaran_actors::{
@@ -20,7 +20,7 @@ use super::{
     Failure,
     log::SAID,
     service_manager::ServiceManager,
-    walking::{Start, role_gpu, scene, upload},
+    walking::{Start, opened, role_gpu, scene, upload},
 };
 
 /// Passes on frames until it is stopped.
@@ -42,11 +42,11 @@ pub(super) fn relay(
         security(options, endpoints, config.common.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let options = options.clone().with_security(known);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
-    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
+    let Some(server) = start.metrics("relay", &config.common, &options)? else { return Ok(()) };
     let endpoint = the_one("upstream", &config.upstream)?;
     let upstream = PeerEndpoint { endpoint, options: options.clone() };
     let at = RelayEndpoints { upstream, listen: config.listen.clone(), options };
-    let links = metrics.links();
+    let links = server.metrics.links().clone();
     let watch: trimaran_actors::WatchLink = Arc::new(move |kind, link| Box::new(links.watch(kind, link)));
     let join = async || {
         let started = Relay::start(&start.net, at.clone(), Arc::clone(&watch)).await;
@@ -57,6 +57,7 @@ pub(super) fn relay(
         tracing::info!(target: SAID, "the relay listens on {}", relay.endpoints());
     }
     let manager = ServiceManager::of_this_process();
+    server.metrics.ready();
     manager.ready(&format!("passes on what {} sends", config.upstream));
     let relayed = runtime.block_on(manager.watching(&*start.net, relay.run(&start.stop)));
     relayed.map_err(|error: RelayError| Failure::bad_input(error))
@@ -73,10 +74,10 @@ pub(super) fn watcher(
     let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
+    let Some(server) = start.metrics("watcher", &config.common, &options)? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     // The first frame's view state has the size of the picture, and its levels.
     let small = Viewport::new(64, 64).map_err(Failure::broken)?;
     let settings = Settings::new(small, LodRule::new(2.0).map_err(Failure::broken)?);
@@ -98,7 +99,11 @@ pub(super) fn watcher(
         net: Arc::clone(&start.net),
         turns: Turns::at_once(),
     };
-    let mut seen = Seen { links: metrics.links(), keeps: config.picture.is_some(), last: None };
+    let metrics = server.metrics.clone();
+    metrics.opened(opened(&file, &drawn));
+    metrics.has_places(1);
+    metrics.ready();
+    let mut seen = Seen { metrics, keeps: config.picture.is_some(), last: None };
     let watched = runtime.block_on(role.run(&mut seen, &start.stop));
     watched.map_err(|error| match error {
         RoleError::Join(_) => Failure::bad_input(error),
@@ -124,9 +129,9 @@ fn save(path: &Path, picture: &Image) -> Result<(), Failure> {
         .map_err(|cause| Failure::broken(format!("cannot write {}: {cause}", path.display())))
 }
 
-/// Keeps the last picture, and shows the link's traffic.
+/// Keeps the last picture, and counts frames and the link's traffic.
 struct Seen {
-    links: LinkMetrics,
+    metrics: Metrics,
     keeps: bool,
     last: Option<Image>,
 }
@@ -137,14 +142,18 @@ impl Observer for Seen {
     }
 
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.metrics.frames().shown(frame);
         self.last = frame.picture.cloned().or_else(|| self.last.take());
         Ok(())
     }
 
     fn culler(&mut self, event: CullerEvent<'_>) {
         match event {
-            CullerEvent::Came(_, link) => self.links.add("relay".to_owned(), link),
-            CullerEvent::Left(..) => self.links.remove("relay"),
+            CullerEvent::Came(_, link) => self.metrics.links().add("relay".to_owned(), link),
+            CullerEvent::Left(_, why) => {
+                self.metrics.sessions().failed(why);
+                self.metrics.links().remove("relay");
+            }
             _ => {}
         }
     }

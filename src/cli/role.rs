@@ -27,7 +27,7 @@ use super::{
     recording::{self, Outcome, Recording, open_folder},
     relay,
     service_manager::ServiceManager,
-    walking::{self, Start, role_gpu, scene, upload},
+    walking::{self, MetricsServer, Start, role_gpu, scene, upload},
 };
 
 /// How long the last links of a process may take to send their closes.
@@ -95,10 +95,10 @@ fn culler(
     let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
+    let Some(server) = start.metrics("culler", &config.common, &options)? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let at = ServiceEndpoints {
         listen: config.listen.clone(),
@@ -117,8 +117,9 @@ fn culler(
     }
     let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
     let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
-    let links = metrics.links();
-    let host = Host { file: &file, drawn: &drawn, runtime, links, method: config.culling, limits };
+    let (metrics, places) = (server.metrics.clone(), options.limits.peers);
+    let method = config.culling;
+    let host = Host { file: &file, drawn: &drawn, runtime, metrics, method, limits, places, pages: None };
     host.serve(service, &start.stop)
 }
 
@@ -140,8 +141,9 @@ fn display(
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
         return Ok(());
     };
+    let Some(metrics) = start.metrics("display", &config.common, &options)? else { return Ok(()) };
     let Some(path) = &config.scene else {
-        return display_without_scene(config, options, &plan, folder, &start);
+        return display_without_scene(config, options, &plan, (folder, metrics), &start);
     };
     let Some(file) = start.until(async || scene(path))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
@@ -156,7 +158,6 @@ fn display(
         }
         false => None,
     };
-    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let progress = match Progress::resume(&mut folder, walk, walking::date()).map_err(Failure::broken)? {
@@ -224,7 +225,7 @@ fn display_without_scene(
     config: &DisplayConfig,
     mut options: Options,
     plan: &Plan,
-    folder: Writer,
+    (folder, metrics): (Writer, MetricsServer),
     start: &Start<'_>,
 ) -> Result<(), Failure> {
     // The number of ids in a frame is not known, and not checked, before the first culler has come.
@@ -232,7 +233,6 @@ fn display_without_scene(
     let gpu = role_gpu(&config.gpu);
     let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
     let runtime = start.runtime();
-    let Some(metrics) = start.metrics(&config.common, &options)? else { return Ok(()) };
     let key = SessionKey(start.net.random().map_err(Failure::broken)?);
     let identity = identity(None, key, plan.settings());
     let listening = async || match &config.listen {
@@ -257,6 +257,7 @@ fn display_without_scene(
     let deadline = start.net.now().after(start.join_timeout);
     let manager = ServiceManager::of_this_process();
     manager.ready("waits for a culler with a scene");
+    metrics.metrics.ready();
     let first = until(&*start.net, deadline, start.stop.unless_requested(first));
     let first = manager.watching(&*start.net, first);
     let outline = match runtime.block_on(first) {

@@ -22,7 +22,7 @@ use super::{
     processes::{CullerProcesses, Keyring, endpoints},
     progress,
     recording::{self, Outcome, Recording, open_folder},
-    walking::{self, Metrics, open, stop_on_signal, upload},
+    walking::{self, MetricsServer, open, stop_on_signal, upload},
 };
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
@@ -130,7 +130,7 @@ pub(super) fn record<'w>(
         about: about(way, &walk.path, walk.seed, roles.collect()),
         folder,
         join_timeout: JOIN_TIMEOUT,
-        metrics: Metrics::show(args.metrics, &options.ws, runtime)?,
+        metrics: MetricsServer::start("display", args.metrics, &options.ws, runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
         progress: None,

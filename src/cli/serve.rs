@@ -19,7 +19,7 @@ use super::{
     printed,
     stopping::stoppable_service,
     terminal::stdout,
-    walking::{Metrics, open, runtime, upload},
+    walking::{MetricsServer, open, runtime, upload},
 };
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
@@ -73,6 +73,7 @@ impl Service<'_> {
         let (stopper, stop) = stoppable_service()?;
         let (reports, mut reported) = mpsc::channel(1);
         let drive = self.drive.map(|path| Drive::new(path, reports));
+        let server = MetricsServer::start("serve", self.metrics, &self.options.ws, &runtime)?;
         let file = open(self.scene)?;
         let drawn = upload(&file, &self.device.gpu_options())?;
         let GuestArgs { people, max_picture, depth_memory } = self.guests;
@@ -88,9 +89,9 @@ impl Service<'_> {
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
         let pages =
             Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
-        let metrics = Metrics::show(self.metrics, &self.options.ws, &runtime)?;
         let mut options = self.options.with_transports(vec![Arc::new(pages.clone())]);
-        options.limits.peers = people.unwrap_or(options.limits.peers);
+        let places = people.unwrap_or(options.limits.peers);
+        options.limits.peers = places;
         options.link.max_frame = max_frame(&file.scene);
         // The first is the page's.
         let meeting = description.meeting.clone();
@@ -106,8 +107,9 @@ impl Service<'_> {
         }
         let method = CullingMethod::Trimaran;
         let limits = limits(&drawn, max_picture, depth_memory);
-        let links = metrics.links();
-        let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links, method, limits };
+        let (metrics, pages) = (server.metrics.clone(), Some(pages));
+        let (file, drawn, runtime) = (&file, &drawn, &runtime);
+        let host = Host { file, drawn, runtime, metrics, method, limits, places, pages };
         let (driven, mut report) = oneshot::channel();
         runtime.spawn(async move {
             if let Some(report) = reported.recv().await {

@@ -10,7 +10,7 @@ use std::{
 use serde::de::DeserializeOwned;
 use trimaran::{
     http::get_by_address,
-    metrics::{Carried, LinkReading, PathReading, TurnedAwayReading},
+    metrics::{Carried, LinkReading, PathReading, StatusReading, TurnedAwayReading},
 };
 use trimaran_transport::{Net, TokioNet, causes, sleep_until};
 
@@ -25,7 +25,7 @@ pub(super) fn run(args: &StatArgs) -> Result<(), Failure> {
 
 async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
     let interval = Duration::from_secs_f64(args.interval);
-    let mut before: Option<(Vec<LinkReading>, trimaran_transport::Instant)> = None;
+    let mut before: Option<(Vec<LinkReading>, StatusReading, trimaran_transport::Instant)> = None;
     for taken in 0.. {
         let at = net.now();
         let mut readings: Vec<LinkReading> = match (read(&args.at, "/links").await, &before) {
@@ -37,17 +37,27 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
         for reading in &mut readings {
             reading.peer = word(&reading.peer).into_owned();
         }
+        let status: StatusReading = match (read(&args.at, "/status").await, &before) {
+            (Ok(status), _) => status,
+            (Err(_), Some(_)) => break,
+            (Err(failure), None) => return Err(failure),
+        };
         if args.json {
             println!("{}", serde_json::to_string(&readings).map_err(Failure::broken)?);
-        } else if let Some((before, then)) = &before {
-            let turned_away = read(&args.at, "/listener").await?;
+        } else if let Some((before, earlier, then)) = &before {
             if io::stdout().is_terminal() {
                 // To the top of an empty screen: the only control sequence that a terminal is sent.
                 printed(io::stdout().write_all(b"\x1b[H\x1b[2J"))?;
             }
-            print!("{}{}", table(before, &readings, at.since(*then)), warnings(&readings, &turned_away));
+            let elapsed = at.since(*then);
+            print!(
+                "{}{}{}",
+                table(before, &readings, elapsed),
+                frames(earlier, &status, elapsed),
+                warnings(&readings, &status.turned_away)
+            );
         }
-        before = Some((readings, at));
+        before = Some((readings, status, at));
         // Rates take two readings.
         let shown = if args.json { taken + 1 } else { taken };
         if args.count == Some(shown) {
@@ -96,6 +106,27 @@ fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
     }
     text.push_str(&paths(before, now, elapsed));
     text
+}
+
+/// A line about the role's own frames, if it has any.
+fn frames(before: &StatusReading, now: &StatusReading, elapsed: Duration) -> String {
+    let stages: [(&str, fn(&StatusReading) -> u64); 3] = [
+        ("culled", |status| status.frames_culled),
+        ("shared", |status| status.frames_shared),
+        ("shown", |status| status.frames_shown),
+    ];
+    let mut words: Vec<String> = stages
+        .into_iter()
+        .filter(|(_, of)| of(now) > 0)
+        .map(|(stage, of)| format!("{stage} {:.1}/s", a_second(of(before), of(now), elapsed)))
+        .collect();
+    if let Some(mean) = now.latency.mean_ms_since(&before.latency) {
+        words.push(format!("camera to picture {mean:.1} ms"));
+    }
+    if now.late > 0 {
+        words.push(format!("cullers late {}", number(now.late)));
+    }
+    if words.is_empty() { String::new() } else { format!("\nframes: {}\n", words.join(", ")) }
 }
 
 /// A line for each link whose transport counts packets.
@@ -172,6 +203,8 @@ fn a_second(before: u64, now: u64, elapsed: Duration) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use trimaran::metrics::LatencyReading;
+
     use super::*;
 
     #[test]
@@ -189,6 +222,19 @@ mod tests {
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(lines[1], ["display", "sent", "30.0", "12,000", "90", "1,200", "1,200"]);
         assert_eq!(lines[2], ["received", "0.0", "0", "0", "0", "0"]);
+    }
+
+    #[test]
+    fn frames_have_a_line_with_their_latency_and_a_role_without_frames_has_none() {
+        let latency = |frames, seconds| LatencyReading { frames, seconds };
+        let before =
+            StatusReading { frames_shown: 10, latency: latency(10, 0.2), ..StatusReading::default() };
+        let now =
+            StatusReading { frames_shown: 40, latency: latency(40, 0.95), late: 2, ..StatusReading::default() };
+        let line = frames(&before, &now, Duration::from_millis(500));
+        assert_eq!(line, "\nframes: shown 60.0/s, camera to picture 25.0 ms, cullers late 2\n");
+        let none = StatusReading::default();
+        assert_eq!(frames(&none, &none, Duration::from_secs(1)), "");
     }
 
     #[test]

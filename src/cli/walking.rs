@@ -17,8 +17,9 @@ use tokio::{
 use trimaran::{
     config::{CommonConfig, GpuConfig},
     culling::CullingMethod,
-    metrics::{LinkMetrics, Serving},
-    walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile, ViewStates},
+    metrics::{DeviceMemory, Metrics, Opened, SceneReading, Serving},
+    report::schema::SceneInfo,
+    walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile, ViewStates, scene_info},
 };
 use trimaran_actors::{Stop, Stopper, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
@@ -237,8 +238,13 @@ impl<'r> Start<'r> {
     }
 
     /// The metrics that a role shows; `None` if it is stopped before.
-    pub(super) fn metrics(&self, common: &CommonConfig, at: &Options) -> Result<Option<Metrics>, Failure> {
-        self.until(async || Metrics::show(common.metrics, &at.ws, self.runtime))
+    pub(super) fn metrics(
+        &self,
+        role: &'static str,
+        common: &CommonConfig,
+        at: &Options,
+    ) -> Result<Option<MetricsServer>, Failure> {
+        self.until(async || MetricsServer::start(role, common.metrics, &at.ws, self.runtime))
     }
 }
 
@@ -254,32 +260,41 @@ pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>
     GpuScene::new(&gpu, &file.scene).map_err(Failure::broken)
 }
 
-/// The traffic of the links, once there are any.
-#[derive(Default)]
-pub(super) struct Metrics {
-    links: LinkMetrics,
-    _shown: Option<Serving>,
+/// The figures of this process, and the server that shows them.
+pub(super) struct MetricsServer {
+    pub(super) metrics: Metrics,
+    _server: Option<Serving>,
 }
 
-impl Metrics {
-    /// Shows them at this address, if there is one, while this lives, to clients that use an allowed host
-    /// name.
-    pub(super) fn show(
+impl MetricsServer {
+    /// Shows those of this role at this address, if there is one, while this lives, to clients that use an
+    /// allowed host name.
+    pub(super) fn start(
+        role: &'static str,
         at: Option<SocketAddr>,
         names: &WsOptions,
         runtime: &Runtime,
     ) -> Result<Self, Failure> {
-        let links = LinkMetrics::default();
-        let shown = at.map(|at| links.clone().serve(at, names, runtime.handle())).transpose();
-        let shown = shown.map_err(Failure::broken)?;
-        if let Some(serving) = &shown {
+        let metrics = Metrics::new(role);
+        let server = at.map(|at| metrics.clone().serve(at, names, runtime.handle())).transpose();
+        let server = server.map_err(Failure::broken)?;
+        if let Some(serving) = &server {
             tracing::info!(target: SAID, "metrics on http://{}/metrics", serving.address());
         }
-        Ok(Self { links, _shown: shown })
+        Ok(Self { metrics, _server: server })
     }
+}
 
-    /// Registers links whose traffic to show.
-    pub(super) fn links(&self) -> LinkMetrics {
-        self.links.clone()
-    }
+/// The figures of an open scene on its device.
+pub(super) fn opened(file: &SceneFile, drawn: &Arc<GpuScene>) -> Opened {
+    let SceneInfo { file, hash, triangles, objects, .. } = scene_info(file);
+    let name = Path::new(&file).file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+    let scene = SceneReading { name, fingerprint: hash, triangles, objects };
+    let device = drawn.gpu().info().name.clone();
+    let drawn = Arc::downgrade(drawn);
+    let memory = move || {
+        let geometry = drawn.upgrade().map_or(0, |drawn| drawn.working_set().taken_bytes);
+        DeviceMemory { geometry, depth: 0 }
+    };
+    Opened { scene, device, memory: Box::new(memory), pages: None }
 }

@@ -65,11 +65,16 @@ pub struct CommonConfig {
         layer_attr(arg(long = "join-timeout", value_name = "S"))
     )]
     pub join_timeout_s: f64,
-    /// Show what the links carry on this address while the role runs: `/metrics` for Prometheus, `/links` as
-    /// JSON.
+    /// Show figures on this address while the role runs: `/metrics` for Prometheus, `/livez` and `/readyz` for
+    /// probes, `/status` and `/links` as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metrics: Option<SocketAddr>,
+    /// What to log: a level (`warn`, `info`, `debug`) or a tracing filter such as `trimaran=debug`. By default
+    /// `warn`, and `info` in systemd's journal.
+    #[config(env = "TRIMARAN_LOG", layer_attr(arg(long, value_name = "FILTER")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub log: Option<String>,
     /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
     #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -76,7 +76,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
             device_timeout_s: 30.0,
             check_device: false,
         },
-        common: CommonConfig { join_timeout_s: 5.0, metrics: None, keys: Some("/k/two.key".into()) },
+        common: CommonConfig { join_timeout_s: 5.0, metrics: None, log: None, keys: Some("/k/two.key".into()) },
         peers,
     };
     let mut options = Options::default();
@@ -325,7 +325,8 @@ fn what_encrypts_needs_keys_of_both_sides() {
     let peers = [none("peers.displays"), peer];
     let known = security(&options, both.iter(), Some(&one.private), &peers).unwrap().unwrap();
     assert_eq!(known.keys.public().name.as_str(), "one");
-    let known = known.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
+    let peers = known.peers.now();
+    let known = peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
     assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::Culler)))]);
     for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.cullers"))] {
         let message = security(&options, both.iter(), keys, &[peer]).unwrap_err().to_string();

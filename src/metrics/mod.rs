@@ -1,346 +1,194 @@
-//! Traffic of links, for a monitoring system to read during a session: `/metrics` in the OpenMetrics text
-//! format that Prometheus scrapes, `/links` the same as JSON, `/listener` the refusals of the process's
-//! listener.
+//! Figures of a running process for a monitoring system. A server on a port of its own has `/metrics` for
+//! Prometheus, `/livez` and `/readyz` for probes, and `/status`, `/links` and `/listener` as JSON.
+//!
+//! No label names a session or a peer of a listener, so the number of series does not grow with guests. Links
+//! and sessions that have ended stay counted.
 
+mod exposition;
+mod frames;
+mod links;
 mod path;
+mod process;
 mod server;
+mod service;
+mod sessions;
 mod skipped;
+mod status;
 mod turned_away;
 
 use std::{fmt, sync::Arc};
 
-use parking_lot::{RwLock, RwLockReadGuard};
 use prometheus_client::{
-    collector::Collector,
-    encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric, text},
-    metrics::{MetricType, counter::ConstCounter},
+    encoding::text,
+    metrics::info::Info,
     registry::Registry,
 };
-use serde::{Deserialize, Serialize};
-use trimaran_actors::Link;
-use trimaran_transport::{LinkStats, ListenerStats, StatsHandle, Tally, Traffic};
 
+pub use frames::FrameMetrics;
+pub use links::{Carried, LinkMetrics, LinkReading, Watching};
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
+pub use service::{DeviceMemory, Opened};
+pub use sessions::{RunningSession, SessionMetrics};
 pub use skipped::SkippedReading;
+pub use status::{LatencyReading, SceneReading, Status, StatusReading};
 pub use turned_away::TurnedAwayReading;
 
-/// The links of this process. Clones share them.
-#[derive(Debug, Clone, Default)]
-pub struct LinkMetrics {
-    watched: Arc<RwLock<Watched>>,
-}
+use self::{process::Process, service::Service};
 
-#[derive(Debug, Default)]
-struct Watched {
-    links: Vec<WatchedLink>,
-    /// The listeners through which their peers came, each once.
-    listeners: Vec<ListenerStats>,
-}
+/// The figures of a process. Clones share them.
+#[derive(Debug, Clone)]
+pub struct Metrics(Arc<Inner>);
 
 #[derive(Debug)]
-struct WatchedLink {
-    peer: String,
-    stats: StatsHandle,
+struct Inner {
+    role: &'static str,
+    links: LinkMetrics,
+    frames: FrameMetrics,
+    sessions: SessionMetrics,
+    service: Service,
+    registry: Registry,
 }
 
-/// The traffic of a link since it was made.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct LinkReading {
-    /// The role at its other end.
-    pub peer: String,
-    /// This side's sent traffic.
-    pub sent: Carried,
-    /// This side's received traffic.
-    pub received: Carried,
-    /// How often it sent more messages in a second than allowed.
-    #[serde(default)]
-    pub floods: u64,
-    /// Frames that came and were not returned to their reader.
-    #[serde(default)]
-    pub skipped: SkippedReading,
-    /// Packets and their path, over this program's own datagram protocol.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub path: Option<PathReading>,
-}
-
-/// Messages and bytes in one direction.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Carried {
-    /// Frames that have ended.
-    pub frames: u64,
-    /// Ids of drawables.
-    pub ids: u64,
-    /// Messages of all kinds.
-    pub messages: u64,
-    /// Payload bytes of cameras.
-    pub camera_bytes: u64,
-    /// Payload bytes of frame beginnings.
-    pub begin_bytes: u64,
-    /// Payload bytes of ids.
-    pub id_bytes: u64,
-    /// Payload bytes of frame ends.
-    pub end_bytes: u64,
-    /// Payload bytes of handshake, statistics and close.
-    pub control_bytes: u64,
-    /// Geometry for a display without the scene, and the display's messages about it.
-    pub geometry_bytes: u64,
-    /// Bytes of this protocol's headers; those of lower layers are not known here.
-    pub header_bytes: u64,
-}
-
-impl LinkMetrics {
-    /// Watches these links.
+impl Metrics {
+    /// Those of a process with this role, such as `culler`.
     #[must_use]
-    pub fn of<'l>(links: impl IntoIterator<Item = &'l Link>) -> Self {
-        let metrics = Self::default();
-        links.into_iter().for_each(|link| metrics.add(link.peer.hello.role.to_string(), link));
-        metrics
+    pub fn new(role: &'static str) -> Self {
+        Self::of(role, LinkMetrics::default())
     }
 
-    /// Watches a link to `peer` from now on, in place of an earlier one. Its counters start at zero, as a
-    /// scraper expects of a restarted program.
-    pub fn add(&self, peer: String, link: &Link) {
-        self.watched.write().insert(peer, link.stats.clone());
-    }
-
-    /// Stops watching the link to `peer`.
-    pub fn remove(&self, peer: &str) {
-        self.watched.write().links.retain(|link| link.peer != peer);
-    }
-
-    /// Watches a link to one of many peers of a kind until the result is dropped. Its label has the lowest
-    /// free number, such as `display 2`. So there are no more labels than links, and none holds a secret.
+    /// The same, with links that are watched already.
     #[must_use]
-    pub fn watch(&self, kind: &str, link: &Link) -> Watching {
-        Watching { peer: self.insert_numbered(kind, link.stats.clone()), metrics: self.clone() }
+    pub fn of(role: &'static str, links: LinkMetrics) -> Self {
+        let (frames, sessions, service) =
+            (FrameMetrics::default(), SessionMetrics::default(), Service::default());
+        let mut registry = Registry::default();
+        registry.register_collector(Box::new(Process));
+        let ours = registry.sub_registry_with_prefix("trimaran");
+        let build = Info::new([("version", env!("CARGO_PKG_VERSION")), ("role", role)]);
+        ours.register("build", "The program's version and the role of this process", build);
+        ours.register_collector(Box::new(service.clone()));
+        frames.register(ours);
+        sessions.register(ours);
+        ours.sub_registry_with_prefix("link").register_collector(Box::new(links.clone()));
+        Self(Arc::new(Inner { role, links, frames, sessions, service, registry }))
     }
 
-    fn insert_numbered(&self, kind: &str, stats: StatsHandle) -> String {
-        let mut watched = self.watched.write();
-        let is_free = |peer: &String| watched.links.iter().all(|link| link.peer != *peer);
-        let peer = (1..=u32::MAX).map(|number| format!("{kind} {number}")).find(is_free);
-        let peer = peer.unwrap_or_else(|| kind.to_owned());
-        watched.insert(peer.clone(), stats);
-        peer
-    }
-
-    /// The traffic of each link until now.
+    /// The process's links.
     #[must_use]
-    pub fn read(&self) -> Vec<LinkReading> {
-        let read = |WatchedLink { peer, stats }: &WatchedLink| {
-            let LinkStats { sent, received, floods, skipped, path, .. } = stats.read();
-            LinkReading {
-                peer: peer.clone(),
-                sent: sent.into(),
-                received: received.into(),
-                floods,
-                skipped: skipped.into(),
-                path: path.map(PathReading::from),
-            }
-        };
-        self.watched().links.iter().map(read).collect()
+    pub fn links(&self) -> &LinkMetrics {
+        &self.0.links
     }
 
-    /// The refusals of the listeners through which the links' peers came.
+    /// The frames of its roles.
     #[must_use]
-    pub fn turned_away(&self) -> TurnedAwayReading {
-        TurnedAwayReading::of(&self.watched().listeners)
+    pub fn frames(&self) -> &FrameMetrics {
+        &self.0.frames
     }
 
-    fn watched(&self) -> RwLockReadGuard<'_, Watched> {
-        self.watched.read()
+    /// The sessions that it serves.
+    #[must_use]
+    pub fn sessions(&self) -> &SessionMetrics {
+        &self.0.sessions
     }
 
-    /// The OpenMetrics text.
+    /// Its scene and its device are open.
+    pub fn opened(&self, opened: Opened) {
+        self.0.service.opened(opened);
+    }
+
+    /// How many links it should have from now on: the most guests of a service, the cullers of a display.
+    pub fn has_places(&self, places: usize) {
+        self.0.service.has_places(places);
+    }
+
+    /// It works from now on: its sockets are open as well.
+    pub fn ready(&self) {
+        self.0.service.ready();
+    }
+
+    /// Whether it works.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.0.service.is_ready()
+    }
+
+    /// All figures in Prometheus's text format.
     ///
     /// # Errors
     /// Never in practice: text is written to memory.
-    fn text(&self) -> Result<String, fmt::Error> {
-        let mut registry = Registry::with_prefix("trimaran_link");
-        registry.register_collector(Box::new(self.clone()));
+    pub fn text(&self) -> Result<String, fmt::Error> {
         let mut text = String::new();
-        text::encode(&mut text, &registry)?;
-        Ok(text)
-    }
-}
-
-impl Watched {
-    /// Replaces an earlier link to the same peer.
-    fn insert(&mut self, peer: String, stats: StatsHandle) {
-        self.links.retain(|link| link.peer != peer);
-        if let Some(listener) = stats.listener().filter(|listener| !self.listeners.contains(listener)) {
-            self.listeners.push(listener);
-        }
-        // Sorted by name.
-        let place = self.links.partition_point(|link| link.peer < peer);
-        self.links.insert(place, WatchedLink { peer, stats });
-    }
-}
-
-/// A link that is watched until this is dropped.
-#[derive(Debug)]
-pub struct Watching {
-    metrics: LinkMetrics,
-    peer: String,
-}
-
-impl Watching {
-    /// The peer's label meanwhile.
-    #[must_use]
-    pub fn peer(&self) -> &str {
-        &self.peer
-    }
-}
-
-impl Drop for Watching {
-    fn drop(&mut self) {
-        self.metrics.remove(&self.peer);
-    }
-}
-
-impl Carried {
-    /// Bytes by kind.
-    #[must_use]
-    pub const fn bytes(&self) -> [(&'static str, u64); 7] {
-        [
-            ("camera", self.camera_bytes),
-            ("begin", self.begin_bytes),
-            ("ids", self.id_bytes),
-            ("end", self.end_bytes),
-            ("control", self.control_bytes),
-            ("geometry", self.geometry_bytes),
-            ("header", self.header_bytes),
-        ]
-    }
-
-    /// Bytes of all kinds.
-    #[must_use]
-    pub fn total_bytes(&self) -> u64 {
-        self.bytes().iter().map(|(_, bytes)| bytes).sum()
-    }
-}
-
-impl From<Traffic> for Carried {
-    fn from(traffic: Traffic) -> Self {
-        let Traffic {
-            latest, begin, batches, items, end, messages: said, bulk, control, header_bytes, ..
-        } = traffic;
-        let messages = [latest, begin, batches, end, said, bulk, control]
-            .iter()
-            .map(|tally: &Tally| tally.messages)
-            .sum();
-        Self {
-            frames: end.messages,
-            ids: items,
-            messages,
-            camera_bytes: latest.bytes,
-            begin_bytes: begin.bytes,
-            id_bytes: batches.bytes,
-            end_bytes: end.bytes,
-            // The roles' other messages are counted with it.
-            control_bytes: control.bytes + said.bytes,
-            geometry_bytes: bulk.bytes,
-            header_bytes,
-        }
-    }
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Peer {
-    peer: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Way {
-    peer: String,
-    direction: &'static str,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Kind {
-    peer: String,
-    direction: &'static str,
-    kind: &'static str,
-}
-
-impl Collector for LinkMetrics {
-    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), fmt::Error> {
-        let readings = self.read();
-        let ways: Vec<(Way, &Carried)> = readings
-            .iter()
-            .flat_map(|LinkReading { peer, sent, received, .. }| {
-                [("sent", sent), ("received", received)]
-                    .map(|(direction, carried)| (Way { peer: peer.clone(), direction }, carried))
-            })
-            .collect();
-        type Count = fn(&Carried) -> u64;
-        let counts: [(&str, &str, Count); 3] = [
-            ("frames", "Frames that have ended", |carried| carried.frames),
-            ("ids", "Ids of drawables", |carried| carried.ids),
-            ("messages", "Messages of all kinds", |carried| carried.messages),
-        ];
-        for (name, help, count) in counts {
-            let mut family = encoder.encode_descriptor(name, help, None, MetricType::Counter)?;
-            for (way, carried) in &ways {
-                ConstCounter::new(count(carried)).encode(family.encode_family(way)?)?;
-            }
-        }
-        let help = "Bytes of payload by kind of message, and of this protocol's headers";
-        let mut family = encoder.encode_descriptor("bytes", help, None, MetricType::Counter)?;
-        for (Way { peer, direction }, carried) in &ways {
-            for (kind, bytes) in carried.bytes() {
-                let labels = Kind { peer: peer.clone(), direction, kind };
-                ConstCounter::new(bytes).encode(family.encode_family(&labels)?)?;
-            }
-        }
-        let help = "Times that the peer sent more messages in a second than it may";
-        let mut family = encoder.encode_descriptor("floods", help, None, MetricType::Counter)?;
-        for LinkReading { peer, floods, .. } in &readings {
-            ConstCounter::new(*floods).encode(family.encode_family(&Peer { peer: peer.clone() })?)?;
-        }
-        skipped::encode(&readings, &mut encoder)?;
-        self.turned_away().encode(&mut encoder)?;
-        path::encode(&readings, &mut encoder)
+        text::encode(&mut text, &self.0.registry)?;
+        Ok(exposition::in_text_format(&text))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Identity, LodRule, Role, SceneHash, SessionKey, Settings, Viewport, Walkthrough};
-    use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
+    use std::collections::BTreeSet;
+
+    use trimaran_actors::RoleError;
 
     use super::*;
 
-    /// However many displays come, one after the other.
-    #[tokio::test]
-    async fn labels_are_small_numbers_that_are_used_again_and_say_no_key() {
-        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-        let metrics = LinkMetrics::default();
-        let mut kept = Vec::new();
-        for key in 0x1234_5678_9abc_def0..0x1234_5678_9abc_def0 + 40_u64 {
-            let settings = Settings::new(Viewport::new(8, 8).unwrap(), LodRule::new(1.0).unwrap());
-            let identity = |role| Identity {
-                role,
-                scene: Some(SceneHash(1).into()),
-                session: (role == Role::Display).then_some((SessionKey(key), settings)),
-            };
-            let config = LinkConfig::default();
-            let (culler, _display) =
-                inproc::pair::<Walkthrough>(&net, identity(Role::Culler), identity(Role::Display), &config)
-                    .unwrap();
-            let watching = metrics.watch("display", &culler);
-            assert!(["display 1", "display 2", "display 3"].contains(&watching.peer()), "{watching:?}");
-            let text = metrics.text().unwrap();
-            assert!(text.contains("peer=\"display 1\"") && !text.contains("9abcdef"), "{text}");
-            kept.push(watching);
-            // The oldest of three leaves.
-            if kept.len() > 2 {
-                kept.remove(0);
+    /// The series of a text, without their values.
+    fn series(text: &str) -> BTreeSet<String> {
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        lines.filter_map(|line| Some(line.rsplit_once(' ')?.0.to_owned())).collect()
+    }
+
+    fn after(sessions: u32) -> String {
+        let metrics = Metrics::new("culler");
+        for number in 0..sessions {
+            let session = metrics.sessions().begin();
+            metrics.frames().shared();
+            if number % 2 == 0 {
+                metrics.sessions().failed(&RoleError::Panic("a bug".to_owned()));
             }
-            assert!(metrics.read().len() <= 2);
+            drop(session);
         }
-        drop(kept);
-        assert!(metrics.read().is_empty());
+        metrics.text().unwrap()
+    }
+
+    /// Names of our metrics, without the suffixes of histograms.
+    fn names(text: &str) -> BTreeSet<String> {
+        let words = text.split(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_');
+        let ours = words.filter(|word| word.starts_with("trimaran_") || word.starts_with("process_"));
+        ours.map(|name| name.trim_end_matches("_bucket").to_owned()).collect()
+    }
+
+    #[tokio::test]
+    async fn alerts_and_board_name_metrics_that_are_there() {
+        let metrics = Metrics::of("display", links::tests::of_a_path());
+        metrics.sessions().failed(&RoleError::Panic("a bug".to_owned()));
+        metrics.frames().shared();
+        metrics.opened(service::tests::plant());
+        metrics.has_places(64);
+        let shown = names(&metrics.text().unwrap());
+        let files = [
+            include_str!("../../deploy/prometheus/rules.yml"),
+            include_str!("../../deploy/grafana/board.json"),
+        ];
+        for file in files {
+            let asked = names(file);
+            assert!(asked.len() > 5, "{asked:?}");
+            let missing: Vec<_> = asked.difference(&shown).collect();
+            assert!(missing.is_empty(), "{missing:?} of {shown:?}");
+        }
+    }
+
+    #[test]
+    fn a_thousand_sessions_have_as_many_series_as_ten_and_are_all_counted() {
+        let (ten, thousand) = (after(10), after(1000));
+        assert_eq!(series(&ten), series(&thousand));
+        for line in [
+            "trimaran_sessions 0",
+            "trimaran_sessions_total 1000",
+            "trimaran_frames_total{stage=\"shared\"} 1000",
+            "trimaran_errors_total{kind=\"panic\"} 500",
+        ] {
+            assert!(thousand.lines().any(|found| found == line), "no {line} in {thousand}");
+        }
     }
 }

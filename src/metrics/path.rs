@@ -9,7 +9,7 @@ use prometheus_client::{
 use serde::{Deserialize, Serialize};
 use trimaran_transport::PathStats;
 
-use super::{LinkReading, Peer};
+use super::links::{LinkReading, Peer};
 
 /// Packets since the link was made, and the current path, as seen from this side.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -44,6 +44,42 @@ pub struct PathReading {
     pub in_flight_bytes: u64,
     /// The deadline of frames is shorter than the one-way delay: hardly any arrives whole.
     pub deadline_too_short: bool,
+}
+
+impl PathReading {
+    /// What it has counted, without the state of the path.
+    pub(super) fn counts(self) -> Self {
+        Self {
+            path_mtu: 0,
+            round_trip_ms: 0.0,
+            window_bytes: 0,
+            in_flight_bytes: 0,
+            deadline_too_short: false,
+            ..self
+        }
+    }
+
+    /// Both as one: the sums of counts and of windows, the longest way and the smallest datagram.
+    pub(super) fn joined(self, other: Self) -> Self {
+        let mtu = [self.path_mtu, other.path_mtu].into_iter().filter(|mtu| *mtu > 0).min();
+        Self {
+            packets_sent: self.packets_sent + other.packets_sent,
+            packet_bytes_sent: self.packet_bytes_sent + other.packet_bytes_sent,
+            packets_received: self.packets_received + other.packets_received,
+            packet_bytes_received: self.packet_bytes_received + other.packet_bytes_received,
+            packets_lost: self.packets_lost + other.packets_lost,
+            parts_repeated: self.parts_repeated + other.parts_repeated,
+            repair_sent: self.repair_sent + other.repair_sent,
+            frames_repaired: self.frames_repaired + other.frames_repaired,
+            frames_given_up: self.frames_given_up + other.frames_given_up,
+            probes: self.probes + other.probes,
+            path_mtu: mtu.unwrap_or(0),
+            round_trip_ms: self.round_trip_ms.max(other.round_trip_ms),
+            window_bytes: self.window_bytes + other.window_bytes,
+            in_flight_bytes: self.in_flight_bytes + other.in_flight_bytes,
+            deadline_too_short: self.deadline_too_short || other.deadline_too_short,
+        }
+    }
 }
 
 impl From<PathStats> for PathReading {
@@ -98,8 +134,8 @@ pub(super) fn encode(links: &[LinkReading], encoder: &mut DescriptorEncoder<'_>)
     }
     type Level = fn(&PathReading) -> f64;
     let levels: [(&str, &str, Level); 5] = [
-        ("path_mtu_bytes", "Largest datagram known to arrive", |path| path.path_mtu as f64),
-        ("round_trip_seconds", "Smoothed round-trip time", |path| path.round_trip_ms / 1e3),
+        ("path_mtu_bytes", "Largest datagram known to arrive, the smallest of all links", |path| path.path_mtu as f64),
+        ("round_trip_seconds", "Smoothed round-trip time, the longest of all links", |path| path.round_trip_ms / 1e3),
         ("window_bytes", "Congestion window", |path| path.window_bytes as f64),
         ("in_flight_bytes", "Bytes in flight", |path| path.in_flight_bytes as f64),
         ("deadline_too_short", "1 where frames sent have no more time than the way takes", |path| {

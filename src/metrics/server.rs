@@ -11,6 +11,7 @@ use hyper::{
     service::service_fn,
 };
 use hyper_util::rt::TokioIo;
+use serde::Serialize;
 use thiserror::Error;
 use tokio::{io::join, runtime::Handle, task::JoinHandle};
 use trimaran_net::{BoxFuture, Stream};
@@ -19,11 +20,10 @@ use trimaran_transport::{
     ws::{ForeignOrigin, WsOptions},
 };
 
-use super::LinkMetrics;
+use super::{Metrics, exposition::TEXT_FORMAT};
 use crate::http;
 
-/// The type that Prometheus asks for.
-const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const JSON: &str = "application/json";
 
 /// How many readers are served at once.
 const READERS: usize = 64;
@@ -63,7 +63,7 @@ impl Drop for Serving {
     }
 }
 
-impl LinkMetrics {
+impl Metrics {
     /// Serves them on `address`, on the threads of `runtime`, to clients whose `Host` is an IP address,
     /// `localhost` or a name that `names` allows. Other names are refused against DNS rebinding by pages in a
     /// browser.
@@ -88,7 +88,7 @@ impl LinkMetrics {
 
 /// The metrics, and the allowed names.
 struct Page {
-    metrics: LinkMetrics,
+    metrics: Metrics,
     names: WsOptions,
 }
 
@@ -97,18 +97,24 @@ impl Page {
         if let Err(ForeignOrigin { origin }) = self.names.check_host(request.headers()) {
             return unknown_name(&origin);
         }
-        let page = match (request.method(), request.uri().path()) {
-            (&Method::GET, "/metrics") => self.metrics.text().map(|text| (OPEN_METRICS, text)).ok(),
-            (&Method::GET, "/links") => {
-                serde_json::to_string(&self.metrics.read()).map(|text| ("application/json", text)).ok()
+        // Hyper leaves out the body of an answer to HEAD.
+        if !matches!(*request.method(), Method::GET | Method::HEAD) {
+            return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET and HEAD\n");
+        }
+        let Self { metrics, .. } = self;
+        let page = match request.uri().path() {
+            "/metrics" => metrics.text().map(|text| (TEXT_FORMAT, text)).ok(),
+            "/status" => json(&metrics.status()),
+            "/links" => json(&metrics.links().read()),
+            "/livez" => return plain(StatusCode::OK, "ok\n"),
+            "/readyz" if metrics.is_ready() => return plain(StatusCode::OK, "ok\n"),
+            "/readyz" => {
+                return plain(StatusCode::SERVICE_UNAVAILABLE, "scene, device or sockets are not open yet\n");
             }
-            (&Method::GET, "/listener") => {
-                serde_json::to_string(&self.metrics.turned_away()).map(|text| ("application/json", text)).ok()
+            _ => {
+                let there = "there is /metrics, /status, /links, /livez and /readyz\n";
+                return plain(StatusCode::NOT_FOUND, there);
             }
-            (&Method::GET, _) => {
-                return plain(StatusCode::NOT_FOUND, "there is /metrics, /links and /listener\n");
-            }
-            _ => return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n"),
         };
         let Some((content_type, text)) = page else {
             return plain(StatusCode::INTERNAL_SERVER_ERROR, "the metrics cannot be written\n");
@@ -117,6 +123,10 @@ impl Page {
         response.headers_mut().insert(CONTENT_TYPE, hyper::header::HeaderValue::from_static(content_type));
         response
     }
+}
+
+fn json(reading: &impl Serialize) -> Option<(&'static str, String)> {
+    serde_json::to_string(reading).map(|text| (JSON, text)).ok()
 }
 
 /// Answers one request, if it comes in time.
@@ -158,17 +168,17 @@ mod tests {
     };
 
     use super::*;
-    use crate::http::tests::{Guests, guest};
+    use crate::{http::tests::{Guests, guest}, metrics::StatusReading};
 
     const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: 127.0.0.1:9\r\n\r\n";
 
     /// Clients that come one after the other, and the server that takes them.
-    fn serving() -> (mpsc::UnboundedSender<DuplexStream>, JoinSet<()>) {
+    fn serving(metrics: Metrics) -> (mpsc::UnboundedSender<DuplexStream>, JoinSet<()>) {
         let (come, guests) = mpsc::unbounded_channel();
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let clock = Arc::clone(&net);
         let names = WsOptions::default().with_allow_origins(vec!["http://pages:9".parse().unwrap()]);
-        let page = Arc::new(Page { metrics: LinkMetrics::default(), names });
+        let page = Arc::new(Page { metrics, names });
         let each = move |stream| answer(Arc::clone(&page), Arc::clone(&clock), stream);
         let mut server = JoinSet::new();
         server.spawn(http::serve(net, Box::new(Guests(guests)), READERS, each));
@@ -189,7 +199,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_reader_that_says_nothing_or_half_of_it_is_left_after_ten_seconds() {
         let net = TokioNet::current().unwrap();
-        let (come, _server) = serving();
+        let (come, _server) = serving(Metrics::new("culler"));
         for question in [&[][..], &QUESTION[..9]] {
             let (mut guest, began) = (guest(&come), net.now());
             guest.write_all(question).await.unwrap();
@@ -202,10 +212,10 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_connection_is_closed_behind_its_answer() {
         let net = TokioNet::current().unwrap();
-        let (come, _server) = serving();
+        let (come, _server) = serving(Metrics::new("culler"));
         let began = net.now();
         let answer = answered(guest(&come)).await;
-        assert!(answer.starts_with("HTTP/1.1 200 OK") && answer.contains("# EOF"), "{answer}");
+        assert!(answer.starts_with("HTTP/1.1 200 OK") && answer.contains("trimaran_build_info"), "{answer}");
         assert!(answer.contains("connection: close"), "{answer}");
         assert_eq!(net.now(), began, "the reader waited for the end of it");
     }
@@ -213,8 +223,8 @@ mod tests {
     /// DNS rebinding: a page in a browser gives this machine a name of its own, and asks by that.
     #[tokio::test(start_paused = true)]
     async fn whoever_asks_by_a_foreign_name_is_told_nothing() {
-        let (come, _server) = serving();
-        for page in ["/metrics", "/links", "/listener"] {
+        let (come, _server) = serving(Metrics::new("culler"));
+        for page in ["/metrics", "/status", "/links", "/livez"] {
             for (name, answer) in [
                 ("evil.example", "HTTP/1.1 403"),
                 ("127.0.0.1.evil.example:9", "HTTP/1.1 403"),
@@ -227,5 +237,26 @@ mod tests {
                 assert!(told.starts_with(answer), "{page} by {name}: {told}");
             }
         }
+    }
+    #[tokio::test(start_paused = true)]
+    async fn a_probe_hears_whether_the_process_lives_and_whether_it_is_ready() {
+        let metrics = Metrics::new("culler");
+        let (come, _server) = serving(metrics.clone());
+        let told = async |method: &str, page: &str| {
+            let question = format!("{method} {page} HTTP/1.1\r\nhost: 10.0.0.7\r\n\r\n");
+            answer_to(question.as_bytes(), guest(&come)).await
+        };
+        assert!(told("GET", "/livez").await.starts_with("HTTP/1.1 200"));
+        assert!(told("GET", "/readyz").await.starts_with("HTTP/1.1 503"));
+        metrics.ready();
+        assert!(told("GET", "/readyz").await.starts_with("HTTP/1.1 200"));
+        for page in ["/livez", "/readyz", "/metrics"] {
+            let answer = told("HEAD", page).await;
+            assert!(answer.starts_with("HTTP/1.1 200") && answer.ends_with("\r\n\r\n"), "{answer}");
+        }
+        assert!(told("POST", "/readyz").await.starts_with("HTTP/1.1 405"));
+        let status: StatusReading =
+            serde_json::from_str(told("GET", "/status").await.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+        assert_eq!((status.role.as_str(), status.ready), ("culler", true));
     }
 }

@@ -9,7 +9,7 @@ use prometheus_client::{
 use serde::{Deserialize, Serialize};
 use trimaran_transport::Skipped;
 
-use super::LinkReading;
+use super::links::LinkReading;
 
 /// How many frames of a link were left out by this side's reader, by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +23,12 @@ pub struct SkippedReading {
 }
 
 impl SkippedReading {
+    pub(super) fn add(&mut self, other: Self) {
+        self.replaced += other.replaced;
+        self.expired += other.expired;
+        self.incomplete += other.incomplete;
+    }
+
     /// The counts by the name of the cause.
     #[must_use]
     pub const fn by_cause(&self) -> [(&'static str, u64); 3] {
@@ -89,7 +95,7 @@ mod tests {
             tokio::task::yield_now().await;
         }
         assert_eq!(display.frames_rx.frame().await.unwrap().start.frame, FrameNumber(2));
-        let text = metrics.text().unwrap();
+        let text = crate::metrics::Metrics::of("display", metrics).text().unwrap();
         for (cause, count) in [("replaced", 2), ("expired", 0), ("incomplete", 0)] {
             let line =
                 format!("trimaran_link_frames_skipped_total{{peer=\"culler\",cause=\"{cause}\"}} {count}");

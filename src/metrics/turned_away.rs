@@ -24,7 +24,8 @@ pub struct TurnedAwayReading {
 
 impl TurnedAwayReading {
     /// The sums over these listeners.
-    pub(super) fn of(listeners: &[ListenerStats]) -> Self {
+    #[must_use]
+    pub fn of(listeners: &[ListenerStats]) -> Self {
         let sum = |of: fn(TurnedAway) -> u64| listeners.iter().map(|at| of(at.turned_away())).sum();
         Self {
             handshakes: sum(|away| away.no_room),
@@ -53,6 +54,15 @@ impl TurnedAwayReading {
             ConstCounter::new(count).encode(family.encode_family(&Limit { limit })?)?;
         }
         Ok(())
+    }
+}
+
+/// The limits that were reached: `handshakes 3, peers 2`.
+impl fmt::Display for TurnedAwayReading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reached = self.by_limit().into_iter().filter(|(_, count)| *count > 0);
+        let reached: Vec<_> = reached.map(|(limit, count)| format!("{limit} {count}")).collect();
+        f.write_str(&reached.join(", "))
     }
 }
 

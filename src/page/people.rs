@@ -125,6 +125,11 @@ impl Pose {
 }
 
 impl People {
+    /// How many there are.
+    pub(super) fn count(&self, now: Instant) -> usize {
+        self.0.lock().people.values().filter(|known| now.since(known.at) < LEAVES).count()
+    }
+
     /// Registers a person, who meets the others. If they are too many, one of the address with most leaves:
     /// the one silent the longest. So invented names keep nobody else out.
     pub(super) fn meet(

@@ -121,6 +121,12 @@ impl Pages {
         Endpoint::other("http", &at.to_string())
     }
 
+    /// How many pages are open.
+    #[must_use]
+    pub fn open(&self, now: Instant) -> usize {
+        self.0.people.count(now)
+    }
+
     /// The page's address for a person, if it listens at `at`.
     #[must_use]
     pub fn url(&self, at: &Endpoint) -> String {
@@ -252,8 +258,13 @@ impl Pages {
             "/people" if request.method() == Method::POST => return Answer::Meet,
             _ => {}
         }
-        if request.method() != Method::GET {
-            return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into();
+        match (path, request.method()) {
+            // A page is served once the scene is open.
+            ("/livez" | "/readyz", &(Method::GET | Method::HEAD)) => {
+                return plain(StatusCode::OK, "ok\n").into();
+            }
+            (_, &Method::GET) => {}
+            _ => return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into(),
         }
         if path == "/"
             && let Err(ws::ForeignOrigin { origin }) = self.0.options.check_host(request.headers())

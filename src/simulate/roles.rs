@@ -15,7 +15,7 @@ use trimaran_proto::{
     Settings, Viewport,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::keys::{Keys, KnownPeer, Security};
+use trimaran_transport::keys::{Keys, KnownPeer, KnownPeers, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Net, Options, sleep_until, until};
 
@@ -257,7 +257,7 @@ fn acquainted(knobs: &Knobs, cullers: usize) -> Result<(Options, Vec<Options>), 
         (1..=cullers).map(|culler| keys(&format!("culler-{culler}"))).collect::<Result<_, _>>()?;
     let known = |keys: &Keys, role| KnownPeer::in_role(keys.public().clone(), role);
     let all = cullers.iter().map(|keys| known(keys, Role::Culler)).chain([known(&display, Role::Display)]);
-    let peers: Vec<_> = all.collect();
+    let peers: KnownPeers = all.collect();
     let udp = UdpOptions::default()
         .with_trust(if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys })
         .with_deadline(knobs.deadline)

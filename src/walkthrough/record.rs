@@ -182,6 +182,7 @@ mod tests {
                 ids: &[],
                 for_loss: 0,
                 lacking,
+                queued: 0,
                 again,
                 picture: None,
                 published: Duration::ZERO,

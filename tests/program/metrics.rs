@@ -2,12 +2,13 @@
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use tokio::net::TcpStream as Dial;
-use trimaran::metrics::LinkMetrics;
+use trimaran::metrics::{LinkMetrics, Metrics};
 use trimaran_actors::{FrameStart, Listener};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{
@@ -67,6 +68,7 @@ fn a_running_session_shows_what_its_links_carry() {
     }
     let table = bench.done(&["stat", &address, "--interval", "0.3", "--count", "2"]);
     let lines = bench.done(&["stat", &address, "--json", "--count", "1"]);
+    let status = bench.done(&["status", &address]);
     let metrics = get(&address, "/metrics");
     let missing = get(&address, "/nowhere");
     // Interrupted once, it writes a report; twice, it leaves.
@@ -75,7 +77,12 @@ fn a_running_session_shows_what_its_links_carry() {
     }
     session.ended();
 
-    assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.trim_end().ends_with("# EOF"), "{metrics}");
+    assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.contains("\ntrimaran_ready 1\n"), "{metrics}");
+    assert!(status.starts_with("TRIMARAN OK: the display works; plant.scene | sessions=0 "), "{status}");
+    assert!(table.contains("\nframes: shown ") && table.contains("camera to picture "), "{table}");
+    let shown = value(&metrics, "trimaran_camera_to_picture_seconds_count");
+    assert!(shown > 0 && shown == value(&metrics, "trimaran_frames_total{stage=\"rvg\"}"), "{metrics}");
+    checked_by_promtool(&metrics);
     let frames = received(&metrics);
     let begins =
         value(&metrics, "trimaran_link_bytes_total{peer=\"culler 1\",direction=\"received\",kind=\"begin\"}");
@@ -133,12 +140,12 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         culler.frames_tx.flush().await.unwrap();
     }
     while display.frames_rx.recv().await.is_ok() {}
-    let serving = LinkMetrics::of([&display])
+    let serving = Metrics::of("display", LinkMetrics::of([&display]))
         .serve(([127, 0, 0, 1], 0).into(), &WsOptions::default(), &tokio::runtime::Handle::current())
         .unwrap();
     let address = serving.address().to_string();
-    let (metrics, listener) =
-        tokio::task::spawn_blocking(move || (get(&address, "/metrics"), get(&address, "/listener")))
+    let (metrics, status) =
+        tokio::task::spawn_blocking(move || (get(&address, "/metrics"), get(&address, "/status")))
             .await
             .unwrap();
     // Peers still being turned away when the listener ended may have been counted later.
@@ -152,12 +159,66 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         let shown = value(&metrics, &format!("trimaran_link_turned_away_total{{limit=\"{limit}\"}}"));
         assert!(counted.contains(&shown), "{limit}: {shown}, not {counted:?}");
         assert!(
-            counted.map(|count| format!("\"{limit}\":{count}")).any(|text| listener.contains(&text)),
-            "{listener}"
+            counted.map(|count| format!("\"{limit}\":{count}")).any(|text| status.contains(&text)),
+            "{status}"
         );
     }
     assert!(before.no_room > 0 && before.no_place > 0, "{before:?}");
     assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"culler\"}"), 1);
+}
+
+/// Prometheus's own check of the page, and of the alerts.
+fn checked_by_promtool(metrics: &str) {
+    let promtool = |args: &[&str], input: &str| {
+        let started = Command::new("promtool").args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let Ok(mut promtool) = started else {
+            eprintln!("skipped: promtool is not there (Debian's package prometheus)");
+            return;
+        };
+        promtool.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+        let checked = promtool.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&checked.stdout);
+        assert!(checked.status.success(), "{args:?}: {said}");
+    };
+    promtool(&["check", "metrics"], metrics.split("\r\n\r\n").nth(1).unwrap());
+    promtool(&["check", "rules", concat!(env!("CARGO_MANIFEST_DIR"), "/deploy/prometheus/rules.yml")], "");
+}
+
+/// A culler that waits for its scene lives and is not ready; once the scene is there it is.
+#[test]
+fn a_probe_hears_when_a_culler_has_its_scene() {
+    let bench = Bench::empty();
+    bench.done(&["generate", "plant", "--objects", "60", "--triangles", "6000", "-o", "cooked.scene"]);
+    let args = ["role", "culler", "--scene", "plant.scene", "--listen", "tcp://127.0.0.1:0"];
+    let mut culler = bench.start(&[&args[..], &["--metrics", "127.0.0.1:0"]].concat());
+    let line = culler.says("http://");
+    let address = line.split("http://").nth(1).unwrap().trim().trim_end_matches("/metrics").to_owned();
+    assert!(get(&address, "/livez").starts_with("HTTP/1.1 200"));
+    assert!(get(&address, "/readyz").starts_with("HTTP/1.1 503"));
+    let status = || bench.trimaran(&["status", &address]);
+    let critical = |words: &str| {
+        let told = status();
+        let line = String::from_utf8_lossy(&told.stdout);
+        assert!(told.status.code() == Some(2) && line.starts_with("TRIMARAN CRITICAL: "), "{line}");
+        assert!(line.contains(words), "{line}");
+    };
+    critical("the culler is not ready");
+    std::fs::rename(bench.path("cooked.scene"), bench.path("plant.scene")).unwrap();
+    culler.says("listens on");
+    while !get(&address, "/readyz").starts_with("HTTP/1.1 200") {
+        thread::sleep(PAUSE);
+    }
+    let metrics = get(&address, "/metrics");
+    assert!(metrics.contains("trimaran_scene_info{name=\"plant.scene\","), "{metrics}");
+    assert!(value_of_f64(&metrics, "trimaran_gpu_memory_bytes{kind=\"geometry\"}") > 0.0, "{metrics}");
+    culler.signal("TERM");
+    culler.ended();
+    critical("nobody answers there");
+}
+
+fn value_of_f64(text: &str, series: &str) -> f64 {
+    let line = text.lines().find_map(|line| line.strip_prefix(series));
+    line.unwrap_or_else(|| panic!("no {series} in {text}")).trim().parse().unwrap()
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn main() -> Result<(), Failed> {
     let seconds = std::env::args().skip(1).find(|word| !word.starts_with('-'));
     let time = Duration::from_secs(seconds.map_or(Ok(15), |word| word.parse())?);
     let keys = Keys::generate("both".parse()?)?;
-    let security = Some(Security { peers: vec![keys.public().clone().into()], keys });
+    let security = Some(Security { peers: vec![keys.public().clone().into()].into(), keys });
     let options = Options::default().with_security(security);
     let folder = tempfile::tempdir()?;
     let unix = format!("unix:{}", folder.path().join("socket").display());

@@ -18,7 +18,7 @@ use crate::handshake::HandshakeError;
 use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::pending::{Pending, Slot};
-use crate::rates::{Handshakes, ListenerStats, Origin, Sparse, TurnedAway};
+use crate::rates::{Handshakes, ListenerLimits, ListenerStats, Origin, Sparse};
 use trimaran_net::Net;
 
 /// Admits peers and hands their links to the accepting task. A transport's listening task holds it, asks
@@ -28,7 +28,6 @@ pub struct Acceptor {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) application: Arc<dyn Application>,
     pub(crate) link: LinkConfig,
-    pub(crate) limits: Limits,
     taken: Arc<Mutex<Taken>>,
     pending: Pending,
     handshakes: Arc<Handshakes>,
@@ -115,10 +114,9 @@ impl Acceptor {
             net: Arc::clone(net),
             application,
             link,
-            limits,
             taken: Arc::default(),
-            pending: Pending::new(limits.handshakes, 4 + channels),
-            handshakes: Arc::new(Handshakes::new(&limits)),
+            pending: Pending::new(4 + channels),
+            handshakes: Arc::new(Handshakes::new(limits)),
             done,
             serving: serving.downgrade(),
             last_failure: Mutex::default(),
@@ -163,16 +161,26 @@ impl Acceptor {
     /// A slot for one more handshake. If all are taken, another handshake loses its own.
     #[must_use]
     pub fn slot(&self, from: &PeerAddress) -> Slot {
-        let (slot, evicted) = self.pending.take(Origin::of(from));
+        let (slot, evicted) = self.pending.take(Origin::of(from), self.limits().handshakes);
         if evicted {
             self.handshakes.no_room();
         }
         slot
     }
 
+    /// The limits of this moment.
+    pub(crate) fn limits(&self) -> Limits {
+        self.handshakes.limits()
+    }
+
+    /// A handle on the limits.
+    pub(crate) fn changeable_limits(&self) -> ListenerLimits {
+        ListenerLimits(Arc::clone(&self.handshakes))
+    }
+
     /// The counts of refused handshakes.
-    pub(crate) fn turned_away(&self) -> TurnedAway {
-        self.handshakes.turned_away()
+    pub(crate) fn stats(&self) -> ListenerStats {
+        ListenerStats(Arc::clone(&self.handshakes))
     }
 
     /// The peer that sent `hello`, whether admitted or not.
@@ -214,7 +222,7 @@ impl Acceptor {
 
     fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
         let peer = self.application.admit(theirs)?;
-        if !taken.has_room(&peer, self.limits.peers) {
+        if !taken.has_room(&peer, self.limits().peers) {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
         }
@@ -223,7 +231,7 @@ impl Acceptor {
 
     /// Hands out a link. If nobody accepts it, dropping it tells the peer.
     pub async fn hand_out(&self, parts: LinkParts) {
-        parts.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
+        parts.counters.handle().came_from(self.stats());
         let _unwanted = self.done.send(parts).await;
     }
 

@@ -141,7 +141,7 @@ pub use parts::{ByteLanes, LinkParts};
 pub use peer::{Peer, PeerAddress, PeerInfo, PeerName};
 pub use pending::Slot;
 pub use publisher::{Left, Published, Publisher, SubscriberId, SubscriberStats, WhenBehind};
-pub use rates::{ListenerStats, TooMany, TurnedAway};
+pub use rates::{ListenerLimits, ListenerStats, TooMany, TurnedAway};
 pub use reconnecting::{LinkError, LinkEvents, LinkState, Reconnecting};
 pub use stats::{Counters, Direction, LinkStats, Skipped, StatsHandle, Tally, Traffic};
 pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade, first_address};

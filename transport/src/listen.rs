@@ -17,7 +17,7 @@ use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::lane_transport::Listened;
 use crate::parts::LinkParts;
-use crate::rates::TurnedAway;
+use crate::rates::{ListenerLimits, ListenerStats, TurnedAway};
 use crate::schemes::transport_of;
 use crate::transport::ListenFault;
 use crate::{Endpoint, Endpoints, Link, Options};
@@ -224,7 +224,19 @@ impl<P: Protocol> Listener<P> {
     /// The counts of refused handshakes so far.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
-        self.acceptor.turned_away()
+        self.acceptor.stats().turned_away()
+    }
+
+    /// Its limits, which may change while it listens.
+    #[must_use]
+    pub fn limits(&self) -> ListenerLimits {
+        self.acceptor.changeable_limits()
+    }
+
+    /// The same counts, readable while another task has the listener.
+    #[must_use]
+    pub fn stats(&self) -> ListenerStats {
+        self.acceptor.stats()
     }
 
     /// Stops listening, and waits until the addresses are free for another listener. Links that were not

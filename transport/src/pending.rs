@@ -16,7 +16,6 @@ use crate::rates::Origin;
 /// flood takes to fill all slots.
 #[derive(Debug)]
 pub(crate) struct Pending {
-    most: usize,
     slots: Arc<Mutex<Slots>>,
 }
 
@@ -46,17 +45,18 @@ pub struct Slot {
 }
 
 impl Pending {
-    /// At most `most` at once, at least one; a link takes `of_a_link`.
-    pub(crate) fn new(most: usize, of_a_link: usize) -> Self {
+    /// A link takes `of_a_link` at once.
+    pub(crate) fn new(of_a_link: usize) -> Self {
         let slots = Slots { of_a_link, ..Slots::default() };
-        Self { most: most.max(1), slots: Arc::new(Mutex::new(slots)) }
+        Self { slots: Arc::new(Mutex::new(slots)) }
     }
 
-    /// A slot for a handshake of `origin`, and whether another handshake lost its slot for it.
-    pub(crate) fn take(&self, origin: Origin) -> (Slot, bool) {
+    /// A slot for a handshake of `origin`, and whether another handshake lost its slot for it: at most `most`
+    /// have one at once, and at least one.
+    pub(crate) fn take(&self, origin: Origin, most: usize) -> (Slot, bool) {
         let mut slots = self.slots.lock();
-        let full = slots.taken.len() >= self.most;
-        if full {
+        let full = slots.taken.len() >= most.max(1);
+        while slots.taken.len() >= most.max(1) {
             slots.evict();
         }
         let (number, (_revoke, revoked)) = (slots.next, oneshot::channel());
@@ -111,8 +111,8 @@ mod tests {
 
     /// Takes a slot for each of `origins`; returns the indices of those that still have one in the end.
     fn survivors(most: usize, origins: &[u8]) -> Vec<usize> {
-        let pending = Pending::new(most, 4);
-        let mut slots: Vec<Slot> = origins.iter().map(|last| pending.take(origin(*last)).0).collect();
+        let pending = Pending::new(4);
+        let mut slots: Vec<Slot> = origins.iter().map(|last| pending.take(origin(*last), most).0).collect();
         (0..slots.len()).filter(|index| !is_revoked(&mut slots[*index])).collect()
     }
 
@@ -140,22 +140,22 @@ mod tests {
 
     #[test]
     fn a_slot_is_free_once_it_is_dropped() {
-        let pending = Pending::new(1, 4);
-        let (first, evicted) = pending.take(origin(1));
+        let pending = Pending::new(4);
+        let (first, evicted) = pending.take(origin(1), 1);
         assert!(!evicted);
         drop(first);
-        let (mut second, evicted) = pending.take(origin(2));
+        let (mut second, evicted) = pending.take(origin(2), 1);
         assert!(!evicted && !is_revoked(&mut second));
-        let (mut third, evicted) = pending.take(origin(3));
+        let (mut third, evicted) = pending.take(origin(3), 1);
         assert!(evicted && is_revoked(&mut second) && !is_revoked(&mut third));
         drop(second);
         assert!(!is_revoked(&mut third), "who has lost its slot frees none");
-        assert!(pending.take(origin(4)).1);
+        assert!(pending.take(origin(4), 1).1);
     }
 
     #[test]
     fn there_is_one_slot_at_least() {
-        let (mut slot, _) = Pending::new(0, 4).take(origin(1));
+        let (mut slot, _) = Pending::new(4).take(origin(1), 0);
         assert!(!is_revoked(&mut slot));
     }
 }

@@ -1,6 +1,6 @@
 //! Rate limits for peers and strangers.
 
-use parking_lot::Mutex;
+use parking_lot::{Mutex, RwLock};
 use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -61,11 +61,21 @@ impl PartialEq for ListenerStats {
     }
 }
 
-/// Counts the handshakes of a second.
+/// The limits of a listener, which may change while it listens.
+#[derive(Debug, Clone)]
+pub struct ListenerLimits(pub(crate) Arc<Handshakes>);
+
+impl ListenerLimits {
+    /// Holds new peers and handshakes to these limits from now on. Links that are there stay.
+    pub fn change(&self, limits: Limits) {
+        *self.0.limits.write() = limits;
+    }
+}
+
+/// Counts the handshakes of a second, and holds them to the limits.
 #[derive(Debug)]
 pub(crate) struct Handshakes {
-    in_all: u32,
-    from_address: u32,
+    limits: RwLock<Limits>,
     counts: Mutex<Counts>,
 }
 
@@ -80,17 +90,19 @@ struct Counts {
 }
 
 impl Handshakes {
-    pub(crate) fn new(limits: &Limits) -> Self {
-        Self {
-            in_all: limits.handshakes_per_s,
-            from_address: limits.handshakes_per_s_per_address,
-            counts: Mutex::default(),
-        }
+    pub(crate) fn new(limits: Limits) -> Self {
+        Self { limits: RwLock::new(limits), counts: Mutex::default() }
+    }
+
+    /// The limits of this moment.
+    pub(crate) fn limits(&self) -> Limits {
+        *self.limits.read()
     }
 
     /// Counts a new handshake. An origin has its even share even where others have begun too many, so at most
     /// twice the limit for all together gets through.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
+        let Limits { handshakes_per_s: in_all, handshakes_per_s_per_address: from_address, .. } = self.limits();
         let mut counts = self.counts.lock();
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {
             counts.begun = Some(now);
@@ -100,15 +112,15 @@ impl Handshakes {
         let origin = Origin::of(from);
         let known = counts.origins.get(&origin).copied();
         let count = known.unwrap_or(0);
-        if count >= self.from_address {
+        if count >= from_address {
             counts.turned_away.from_address += 1;
-            return Err(TooMany::FromAddress(self.from_address));
+            return Err(TooMany::FromAddress(from_address));
         }
         let origins = counts.origins.len() + usize::from(known.is_none());
-        let share = self.in_all / u32::try_from(origins).unwrap_or(u32::MAX).max(1);
-        if counts.all >= self.in_all && count >= share {
+        let share = in_all / u32::try_from(origins).unwrap_or(u32::MAX).max(1);
+        if counts.all >= in_all && count >= share {
             counts.turned_away.in_all += 1;
-            return Err(TooMany::InAll(self.in_all));
+            return Err(TooMany::InAll(in_all));
         }
         counts.origins.insert(origin, count + 1);
         counts.all += 1;
@@ -228,7 +240,7 @@ mod tests {
             handshakes_per_s_per_address: from_address,
             ..Limits::default()
         };
-        Handshakes::new(&limits)
+        Handshakes::new(limits)
     }
 
     #[test]
@@ -248,6 +260,16 @@ mod tests {
             handshakes.turned_away(),
             TurnedAway { from_address: 2, in_all: 1, ..TurnedAway::default() }
         );
+    }
+
+    #[test]
+    fn changed_limits_hold_from_then_on() {
+        let handshakes = Arc::new(handshakes(100, 1));
+        let begin = || handshakes.begin(at(0), &from("10.0.0.1"));
+        assert_eq!((begin(), begin()), (Ok(()), Err(TooMany::FromAddress(1))));
+        let limits = Limits::default().with_handshakes_per_s_per_address(2);
+        ListenerLimits(Arc::clone(&handshakes)).change(limits);
+        assert_eq!((begin(), begin()), (Ok(()), Err(TooMany::FromAddress(2))));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use parking_lot::Mutex;
+use parking_lot::{Mutex, RwLock};
 use thiserror::Error;
 use trimaran_proto::Viewport;
 
@@ -15,10 +15,15 @@ pub struct SessionLimits(Option<Arc<Limits>>);
 
 #[derive(Debug)]
 struct Limits {
+    most: RwLock<Most>,
+    taken: Mutex<u64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Most {
     picture: Viewport,
     /// Bytes for the depth of all sessions.
     depth: u64,
-    taken: Mutex<u64>,
 }
 
 /// Why a session is refused.
@@ -56,13 +61,27 @@ impl SessionLimits {
     /// Pictures no wider and no higher than `picture`, and this many bytes for the depth of all sessions.
     #[must_use]
     pub fn new(picture: Viewport, depth: u64) -> Self {
-        Self(Some(Arc::new(Limits { picture, depth, taken: Mutex::new(0) })))
+        Self(Some(Arc::new(Limits { most: RwLock::new(Most { picture, depth }), taken: Mutex::new(0) })))
+    }
+
+    /// The same as `other` from now on. Sessions keep what they have reserved.
+    pub fn change(&self, other: &Self) {
+        if let (Some(limits), Some(other)) = (&self.0, &other.0) {
+            let most = *other.most.read();
+            *limits.most.write() = most;
+        }
     }
 
     /// No limits: the peers are of the same process.
     #[must_use]
     pub fn none() -> Self {
         Self(None)
+    }
+
+    /// The bytes that all sessions have reserved.
+    #[must_use]
+    pub fn reserved(&self) -> u64 {
+        self.0.as_ref().map_or(0, |limits| *limits.taken.lock())
     }
 
     /// Reserves a session's memory for pictures of this size, until the lease is dropped.
@@ -90,15 +109,15 @@ impl Lease {
     /// As [`SessionLimits::lease`].
     pub fn change(&mut self, size: Viewport) -> Result<(), LimitError> {
         let SessionLimits(Some(limits)) = &self.limits else { return Ok(()) };
-        let most = limits.picture;
+        let Most { picture: most, depth } = *limits.most.read();
         if size.width() > most.width() || size.height() > most.height() {
             return Err(LimitError::Picture { asked: size, most });
         }
         let needed = u64::from(size.width()) * u64::from(size.height()) * PIXEL;
         let mut taken = limits.taken.lock();
-        let free = limits.depth.saturating_sub(*taken - self.bytes);
+        let free = depth.saturating_sub(*taken - self.bytes);
         if needed > free {
-            return Err(LimitError::DepthMemory { asked: size, needed, free, most: limits.depth });
+            return Err(LimitError::DepthMemory { asked: size, needed, free, most: depth });
         }
         *taken = *taken - self.bytes + needed;
         self.bytes = needed;
@@ -139,6 +158,19 @@ mod tests {
     }
 
     #[test]
+    fn changed_limits_hold_for_new_sessions_and_those_that_go_on_keep_theirs() {
+        let limits = SessionLimits::new(size(64, 64), 2 * 64 * 64 * PIXEL);
+        let first = limits.lease(size(64, 64)).unwrap();
+        limits.change(&SessionLimits::new(size(32, 32), 64 * 64 * PIXEL));
+        assert!(matches!(limits.lease(size(64, 64)), Err(LimitError::Picture { .. })));
+        assert!(matches!(limits.lease(size(32, 32)), Err(LimitError::DepthMemory { free: 0, .. })));
+        limits.change(&SessionLimits::new(size(64, 64), 2 * 64 * 64 * PIXEL));
+        assert!(limits.lease(size(64, 64)).is_ok());
+        drop(first);
+        assert_eq!(limits.reserved(), 0);
+    }
+
+    #[test]
     fn what_a_session_has_taken_is_free_once_it_ends_and_not_twice() {
         let limits = SessionLimits::new(size(64, 64), 2 * 64 * 64 * PIXEL);
         let [first, second] = [(); 2].map(|()| limits.lease(size(64, 64)).unwrap());
@@ -148,7 +180,7 @@ mod tests {
         let third = limits.lease(size(64, 64)).unwrap();
         assert!(limits.lease(size(1, 1)).is_err());
         drop((second, third));
-        assert_eq!(*limits.0.unwrap().taken.lock(), 0);
+        assert_eq!(limits.reserved(), 0);
     }
 
     proptest! {
@@ -169,7 +201,7 @@ mod tests {
                     (slot, Ok(size)) => *slot = limits.lease(size).ok().map(|lease| (lease, pixels)),
                 }
                 let sum: u64 = leases.iter().flatten().map(|(_, pixels)| pixels * PIXEL).sum();
-                let taken = *limits.0.as_ref().unwrap().taken.lock();
+                let taken = limits.reserved();
                 prop_assert!(taken == sum && taken <= 2000 * PIXEL, "{} {}", taken, sum);
             }
         }

@@ -3,8 +3,14 @@
 //! Each peer has a slot. The configuration decides who connects: a role connects to the peers whose endpoints
 //! it is given, and accepts others at its listener. The slot of a lost peer is filled again.
 
-use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
+use std::{
+    collections::{BTreeMap, VecDeque},
+    future::pending,
+    sync::Arc,
+    time::Duration,
+};
 
+use parking_lot::Mutex;
 use tokio::sync::{mpsc, oneshot};
 use trimaran_proto::{Identity, Role, SessionKey, Walkthrough};
 use trimaran_transport::{AcceptError, ConnectError, Endpoint, Net, causes, connect};
@@ -15,7 +21,9 @@ use crate::{
     meeting::Expected,
 };
 
-/// How long a role tries to reach a peer before it logs the reason. It keeps trying.
+/// How long a role tries to reach a peer before it logs the reason. It keeps trying. The first try is shorter,
+/// so that the reason is known soon, and is not logged: the peer may be starting.
+const FIRST_ATTEMPT: Duration = Duration::from_secs(3);
 const ATTEMPT: Duration = Duration::from_secs(15);
 /// How long a listener waits before it waits again.
 const WAIT: Duration = Duration::from_secs(3600);
@@ -60,7 +68,11 @@ pub struct Peers {
     /// Peers put back, which come first.
     early: VecDeque<Arrival>,
     expected: usize,
+    obstacles: Obstacles,
 }
+
+/// Why peers cannot be reached, by the number of their slot.
+type Obstacles = Arc<Mutex<BTreeMap<usize, String>>>;
 
 /// The peers of a role.
 #[derive(Debug)]
@@ -81,7 +93,7 @@ impl Peers {
     /// No peers.
     #[must_use]
     pub fn none() -> Self {
-        Self { arrivals: mpsc::channel(1).1, early: VecDeque::new(), expected: 0 }
+        Self { arrivals: mpsc::channel(1).1, early: VecDeque::new(), expected: 0, obstacles: Obstacles::default() }
     }
 
     /// Connects to and accepts peers until this is dropped.
@@ -94,22 +106,29 @@ impl Peers {
     pub(crate) fn seek_and_expect(net: &Arc<dyn Net>, sought: PeersConfig, met: Expected) -> Self {
         let PeersConfig { identity, role, endpoints, listener, most } = sought;
         let (arrived, arrivals) = mpsc::channel(1);
-        let expected = endpoints.len();
+        let (expected, obstacles) = (endpoints.len(), Obstacles::default());
         for (place, peer) in endpoints.into_iter().enumerate() {
-            let arrived = arrived.clone();
-            net.spawn(Box::pin(connector(Arc::clone(net), place, peer, identity, role, arrived)));
+            let (arrived, obstacles) = (arrived.clone(), Arc::clone(&obstacles));
+            let connector = Connector { net: Arc::clone(net), place, peer, identity, role, obstacles };
+            net.spawn(Box::pin(connector.run(arrived)));
         }
         if let Some(listener) = listener {
-            let places = (expected..most).collect();
-            net.spawn(Box::pin(acceptor(Arc::clone(net), places, listener, role, arrived, met)));
+            let slots = Slots { first: expected, most: most.saturating_sub(expected), all: Vec::new() };
+            net.spawn(Box::pin(acceptor(Arc::clone(net), slots, listener, role, arrived, met)));
         }
-        Self { arrivals, early: VecDeque::new(), expected }
+        Self { arrivals, early: VecDeque::new(), expected, obstacles }
     }
 
     /// How many peers the role connects to.
     #[must_use]
     pub const fn expected(&self) -> usize {
         self.expected
+    }
+
+    /// Why the peer of this slot was not reached by the last attempt, if one has failed.
+    #[must_use]
+    pub fn obstacle(&self, place: usize) -> Option<String> {
+        self.obstacles.lock().get(&place).cloned()
     }
 
     /// Returns this one first from the next call.
@@ -135,45 +154,53 @@ impl Peers {
 type Arrived = mpsc::Sender<Result<Arrival, JoinError>>;
 
 /// Keeps a link to one peer.
-async fn connector(
+struct Connector {
     net: Arc<dyn Net>,
     place: usize,
-    PeerEndpoint { endpoint, options }: PeerEndpoint,
+    peer: PeerEndpoint,
     identity: Identity,
     role: Role,
-    arrived: Arrived,
-) {
-    let mut logged = String::new();
-    loop {
-        let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(ATTEMPT));
-        let link = tokio::select! {
-            biased;
-            () = arrived.closed() => return,
-            link = attempt => link,
-        };
-        let link = link
-            .map_err(|cause| JoinError::Connect { peer: role, cause: Box::new(cause) })
-            .and_then(|link| expect_role(&link, role).map(|()| link));
-        match link {
-            Ok(link) => {
-                logged.clear();
-                let (slot, free) = SlotGuard::new();
-                let arrival = Arrival { place, link, at: Some(endpoint.clone()), slot };
-                if arrived.send(Ok(arrival)).await.is_err() {
+    obstacles: Obstacles,
+}
+
+impl Connector {
+    async fn run(self, arrived: Arrived) {
+        let Self { net, place, peer: PeerEndpoint { endpoint, options }, identity, role, obstacles } = self;
+        let (mut logged, mut time) = (String::new(), FIRST_ATTEMPT);
+        loop {
+            let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(time));
+            let link = tokio::select! {
+                biased;
+                () = arrived.closed() => return,
+                link = attempt => link,
+            };
+            let link = link
+                .map_err(|cause| JoinError::Connect { peer: role, cause: Box::new(cause) })
+                .and_then(|link| expect_role(&link, role).map(|()| link));
+            match link {
+                Ok(link) => {
+                    logged.clear();
+                    obstacles.lock().remove(&place);
+                    let (slot, free) = SlotGuard::new();
+                    let arrival = Arrival { place, link, at: Some(endpoint.clone()), slot };
+                    if arrived.send(Ok(arrival)).await.is_err() {
+                        return;
+                    }
+                    let _dropped = free.await;
+                }
+                Err(error) if error.may_pass() => {
+                    let why = obstacle(&error);
+                    if time == ATTEMPT && why != logged {
+                        tracing::warn!(%endpoint, "cannot reach the {role}, and goes on trying: {why}");
+                        logged.clone_from(&why);
+                    }
+                    obstacles.lock().insert(place, why);
+                    time = ATTEMPT;
+                }
+                Err(error) => {
+                    let _nobody = arrived.send(Err(error)).await;
                     return;
                 }
-                let _dropped = free.await;
-            }
-            Err(error) if error.may_pass() => {
-                let why = obstacle(&error);
-                if why != logged {
-                    tracing::warn!(%endpoint, "cannot reach the {role}, and goes on trying: {why}");
-                    logged = why;
-                }
-            }
-            Err(error) => {
-                let _nobody = arrived.send(Err(error)).await;
-                return;
             }
         }
     }
@@ -190,9 +217,38 @@ fn obstacle(error: &JoinError) -> String {
     }
 }
 
+/// The slots for peers that connect, made as they come.
+struct Slots {
+    /// The number of the first.
+    first: usize,
+    most: usize,
+    all: Vec<Slot>,
+}
+
+impl Slots {
+    /// A slot for a peer of this session: its own, if it reconnects, or a free one, and its number.
+    fn take(&mut self, session: Option<SessionKey>) -> Option<(usize, SlotGuard)> {
+        let own = self.all.iter().position(|slot| session.is_some() && slot.session == session);
+        let vacant = own.or_else(|| self.all.iter_mut().position(Slot::is_free));
+        let (guard, free) = SlotGuard::new();
+        let slot = Slot { session, taken: Some(free) };
+        let place = match vacant {
+            Some(place) => {
+                *self.all.get_mut(place)? = slot;
+                place
+            }
+            None if self.all.len() < self.most => {
+                self.all.push(slot);
+                self.all.len() - 1
+            }
+            None => return None,
+        };
+        Some((self.first + place, guard))
+    }
+}
+
 /// A slot for a peer that connects.
 struct Slot {
-    number: usize,
     /// Its present or past session.
     session: Option<SessionKey>,
     taken: Option<oneshot::Receiver<()>>,
@@ -208,14 +264,12 @@ impl Slot {
 /// Accepts as many peers as there are slots. A peer that reconnects for its session gets its old slot.
 async fn acceptor(
     net: Arc<dyn Net>,
-    places: Vec<usize>,
+    mut slots: Slots,
     mut listener: Listener,
     role: Role,
     arrived: Arrived,
     met: Expected,
 ) {
-    let mut slots: Vec<_> =
-        places.into_iter().map(|number| Slot { number, session: None, taken: None }).collect();
     loop {
         let came = tokio::select! {
             biased;
@@ -235,15 +289,11 @@ async fn acceptor(
             }
             continue;
         }
-        let own = slots.iter().position(|slot| session.is_some() && slot.session == session);
-        let vacant = own.or_else(|| slots.iter_mut().position(Slot::is_free));
-        let Some(slot) = vacant.and_then(|slot| slots.get_mut(slot)) else {
+        let Some((place, slot)) = slots.take(session) else {
             tracing::warn!(from = %link.peer.address, "turned a {role} away: all places are taken");
             continue;
         };
-        let (guard, free) = SlotGuard::new();
-        (slot.session, slot.taken) = (session, Some(free));
-        let arrival = Arrival { place: slot.number, link, at: None, slot: guard };
+        let arrival = Arrival { place, link, at: None, slot };
         if arrived.send(Ok(arrival)).await.is_err() {
             return;
         }

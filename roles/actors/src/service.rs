@@ -9,7 +9,7 @@ use std::{
 use thiserror::Error;
 use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options};
+use trimaran_transport::{Endpoint, Endpoints, ListenError, ListenerLimits, ListenerStats, Net, Options};
 
 use crate::{
     driver::{CullerRole, CullerWork, RoleError, leave_unable},
@@ -55,7 +55,17 @@ pub struct CullerService {
     others: Options,
     expected: Expected,
     endpoints: Option<Endpoints>,
+    listener: Option<ListenerHandles>,
     sharing: Sharing,
+}
+
+/// A listener that a service's own task has.
+#[derive(Debug, Clone)]
+pub struct ListenerHandles {
+    /// The counts of peers that it has turned away.
+    pub stats: ListenerStats,
+    /// Its limits.
+    pub limits: ListenerLimits,
 }
 
 /// Where a culler finds its displays.
@@ -105,19 +115,30 @@ impl CullerService {
             None => None,
         };
         let endpoints = listener.as_ref().map(|listener| listener.local_endpoints().clone());
+        let handles = listener
+            .as_ref()
+            .map(|listener| ListenerHandles { stats: listener.stats(), limits: listener.limits() });
         let expected = Expected::default();
-        let most = displays.len() + options.limits.peers;
+        // The listener holds them to its limit, which may change.
+        let most = usize::MAX;
         let sought = PeersConfig { identity, role: Role::Display, endpoints: displays, listener, most };
         let displays = Peers::seek_and_expect(net, sought, expected.clone());
         let (net, cullers) = (Arc::clone(net), cullers.into());
         let sharing = Sharing::default();
-        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints, sharing })
+        let listener = handles;
+        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints, listener, sharing })
     }
 
     /// Its endpoints, with the ports that the system chose.
     #[must_use]
     pub const fn endpoints(&self) -> Option<&Endpoints> {
         self.endpoints.as_ref()
+    }
+
+    /// Its listener, if it listens.
+    #[must_use]
+    pub const fn listener(&self) -> Option<&ListenerHandles> {
+        self.listener.as_ref()
     }
 
     /// Objects that its sessions share.

@@ -120,6 +120,25 @@ pub(crate) struct StatArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Where the role shows its metrics: its `--metrics`, as HOST:PORT or as http://HOST:PORT.
+    #[arg(value_name = "URL", env = "TRIMARAN_METRICS", default_value = "127.0.0.1:9464")]
+    pub(crate) at: String,
+    /// The longest wait for its answer, seconds.
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 10.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
+    pub(crate) timeout: f64,
+    /// Print all that is known as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 #[cfg(feature = "lab")]
 #[derive(Debug, Args)]
 pub(crate) struct NetemArgs {

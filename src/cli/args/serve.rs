@@ -26,8 +26,8 @@ pub(crate) struct ServeArgs {
     /// The secret in the page's address, 16 to 128 letters and digits [default: a new one each time].
     #[arg(long, value_name = "TOKEN", env = "TRIMARAN_TOKEN", hide_env_values = true)]
     pub(crate) token: Option<Token>,
-    /// Show metrics of the links on http://ADDRESS:PORT/metrics.
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    /// Show metrics on http://ADDRESS:PORT/metrics, and probes at /livez and /readyz.
+    #[arg(long, value_name = "ADDRESS:PORT", env = "TRIMARAN_METRICS")]
     pub(crate) metrics: Option<SocketAddr>,
     #[command(flatten)]
     pub(crate) guests: GuestArgs,
@@ -42,7 +42,7 @@ pub(crate) struct ServeArgs {
 pub(crate) struct GuestArgs {
     /// How many people may be there at once; more are told that it is full. A page with several cullers takes
     /// a place for each [default: 64].
-    #[arg(long, value_name = "N", value_parser = people)]
+    #[arg(long, value_name = "N", value_parser = people, env = "TRIMARAN_LIMITS_PEERS")]
     pub(crate) people: Option<usize>,
     /// The largest picture that a page or display may ask for: its width and its height.
     #[arg(long, value_name = "WxH", default_value = "4096x4096", env = "TRIMARAN_MAX_PICTURE")]
@@ -135,13 +135,19 @@ pub(crate) struct DeviceArgs {
     #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
     pub(crate) device: Option<String>,
     /// The most memory of the device for triangles, such as 2GiB [default: three quarters of what is free].
-    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    #[arg(long, value_name = "SIZE", value_parser = memory, env = "TRIMARAN_GPU_MEMORY")]
     pub(crate) gpu_memory: Option<ByteSize>,
     /// The longest that the device may make no progress, seconds.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 10.0,
+        value_parser = positive,
+        env = "TRIMARAN_DEVICE_TIMEOUT_S"
+    )]
     pub(crate) device_timeout: f64,
     /// Cull on the device whatever its kind, and compare each frame with culling on the host. Slower; ends
     /// with an error at the first difference.
-    #[arg(long)]
+    #[arg(long, env = "TRIMARAN_CHECK_DEVICE")]
     pub(crate) check_device: bool,
 }

@@ -167,7 +167,7 @@ fn options(kind: &Kind) -> Result<(Options, Options), Box<dyn Error>> {
     let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
     let with = |own: &Keys, peer: &Keys| {
         Options::default()
-            .with_security(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] })
+            .with_security(Security { keys: own.clone(), peers: vec![peer.public().clone().into()].into() })
             .with_udp(UdpOptions::default().with_trust(Trust::Keys).with_repair_percent(kind.repair_percent))
     };
     Ok((with(&a, &b), with(&b, &a)))

@@ -70,7 +70,8 @@ impl Security {
     pub(crate) fn judge(&self, key: PeerKey, claimed: Option<&str>) -> Result<(), KeyFault> {
         let claimed = claimed.unwrap_or("a peer without a role");
         let mut wrong = Err(KeyFault::Stranger);
-        for KnownPeer { keys, role } in self.peers.iter().filter(|peer| peer.has(key)) {
+        let peers = self.peers.now();
+        for KnownPeer { keys, role } in peers.iter().filter(|peer| peer.has(key)) {
             match role {
                 Some(known) if known != claimed => {
                     let (name, claimed, known) = (keys.name.clone(), claimed.to_owned(), known.clone());
@@ -131,7 +132,7 @@ mod tests {
                 KnownPeer::in_role(two.clone(), "arm"),
                 KnownPeer::in_role(two.clone(), "gripper"),
                 any.clone().into(),
-            ],
+            ].into(),
         };
         let roles = ["arm", "gripper", "panel"];
         for (peer, expected) in [

@@ -9,6 +9,7 @@ mod claim;
 mod file;
 mod fingerprint;
 mod hex;
+mod known;
 mod noise;
 
 use std::fmt;
@@ -25,6 +26,7 @@ pub use claim::{PeerKey, UnknownPeer, WrongRole};
 use file::PrivateFile;
 pub use file::{KeyFiles, KeysError};
 pub use fingerprint::{Fingerprint, FingerprintError};
+pub use known::{KnownPeer, KnownPeers};
 pub(crate) use noise::NoiseSecret;
 pub use noise::{NoiseKey, NoiseKeyError};
 
@@ -59,9 +61,8 @@ pub struct PublicKeys {
 pub struct Security {
     /// This peer's own keys.
     pub keys: Keys,
-    /// The known peers, each in its role. All others are refused. A key may be there more than once, with a
-    /// role each.
-    pub peers: Vec<KnownPeer>,
+    /// The known peers.
+    pub peers: KnownPeers,
 }
 
 impl Security {
@@ -70,16 +71,6 @@ impl Security {
     pub fn shared(keys: Keys) -> Self {
         Self { peers: vec![keys.public().clone().into()], keys }
     }
-}
-
-/// A peer that this one knows.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct KnownPeer {
-    /// Its public keys.
-    pub keys: PublicKeys,
-    /// The role that it may have; any if not given.
-    pub role: Option<String>,
 }
 
 impl Keys {
@@ -142,21 +133,6 @@ impl Keys {
             public,
             file: Arc::new(file),
         })
-    }
-}
-
-impl KnownPeer {
-    /// The holder of these keys may have this role.
-    #[must_use]
-    pub fn in_role(keys: PublicKeys, role: impl Into<String>) -> Self {
-        Self { keys, role: Some(role.into()) }
-    }
-}
-
-/// The holder of these keys may have any role.
-impl From<PublicKeys> for KnownPeer {
-    fn from(keys: PublicKeys) -> Self {
-        Self { keys, role: None }
     }
 }
 

@@ -119,7 +119,7 @@ mod tests {
     fn the_close_has_left_when_a_close_is_over() {
         let [here, there] = ["near", "far"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
         let options = |own: &Keys, peer: &Keys| Options {
-            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
+            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()].into() }),
             ..Options::default()
         };
         let (ours, theirs) = (options(&here, &there), options(&there, &here));

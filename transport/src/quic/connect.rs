@@ -68,7 +68,7 @@ async fn introduce(
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let security = security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
-    let verifier = Verifier::new(peers);
+    let verifier = Verifier::new(&peers.now());
     let crypto = tls::client(keys, &verifier, &application.protocol()).map_err(failed)?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));

@@ -42,11 +42,11 @@ pub(super) fn server(
     security: &Security,
     options: &QuicOptions,
 ) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
-    let verifier = Verifier::new(&security.peers);
+    let verifier = Verifier::new(&security.peers.now());
     let crypto = tls::server(&security.keys, &verifier, &acceptor.application.protocol())?;
     let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
-    let handshakes = acceptor.limits.handshakes;
+    let handshakes = acceptor.limits().handshakes;
     config
         .transport_config(options.transport(&acceptor.link, &acceptor.application.format()))
         .max_incoming(handshakes)
@@ -171,7 +171,7 @@ mod tests {
         const ROOM: usize = 2;
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let keys = Keys::generate("both".parse().unwrap()).unwrap();
-        let security = Security { peers: vec![keys.public().clone().into()], keys };
+        let security = Security { peers: vec![keys.public().clone().into()].into(), keys };
         let limits = Limits { handshakes: ROOM, ..Limits::default() };
         let link = LinkConfig { idle_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
         let quic = QuicOptions { initial_rtt: Duration::from_millis(10), ..QuicOptions::default() };
@@ -196,7 +196,7 @@ mod tests {
         .unwrap();
 
         let (here, _) = endpoint(&net, net.bind_udp(loopback, options.quic.socket).unwrap(), None).unwrap();
-        let verifier = Verifier::new(&security.peers);
+        let verifier = Verifier::new(&security.peers.now());
         let crypto = tls::client(&security.keys, &verifier, &protocol).unwrap();
         let mut config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         config.transport_config(options.quic.transport(&options.link, &format));

@@ -198,7 +198,7 @@ mod tests {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (ours, theirs) = (keys("ours"), keys("theirs"));
         let verifier = Verifier::new(&[ours.public().clone().into()]);
-        let security = Some(Security { keys: ours, peers: vec![theirs.public().clone().into()] });
+        let security = Some(Security { keys: ours, peers: vec![theirs.public().clone().into()].into() });
         (Options { security, ..Options::default() }, theirs, verifier)
     }
 

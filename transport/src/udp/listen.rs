@@ -15,11 +15,12 @@ use trimaran_wire::{Batching, DecodeFault, Hello, Lane, Message, Refusal};
 use super::Udp;
 use super::connect::{introduce_with, read_introduction};
 use super::driver::Connections;
+use super::options::pinned;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing, Path};
 use crate::acceptor::Acceptor;
 use crate::handshake::HandshakeError;
-use crate::keys::{NoiseKey, PeerKey, Security};
+use crate::keys::{KnownPeer, NoiseKey, PeerKey, Security};
 use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::watched_socket::WatchedSocket;
@@ -45,7 +46,7 @@ pub(super) fn listen(
         config,
         security: security.clone(),
         encrypted: options.is_encrypted(),
-        udp,
+        pinned: Mutex::new(Pinned { udp, peers: known(security.as_ref()) }),
         socket,
         connections,
         answers: Arc::default(),
@@ -63,11 +64,33 @@ struct UdpListener {
     config: Config,
     security: Option<Security>,
     encrypted: bool,
-    udp: UdpAcceptor,
+    pinned: Mutex<Pinned>,
     socket: Arc<dyn UdpSocket>,
     connections: Arc<Connections>,
     /// Answers to callers: a repeated first packet means the same connection.
     answers: Arc<Mutex<BTreeMap<Caller, Vec<u8>>>>,
+}
+
+/// The handshakes, and the peers whose keys they admit.
+struct Pinned {
+    udp: UdpAcceptor,
+    peers: Arc<[KnownPeer]>,
+}
+
+impl Pinned {
+    /// The handshakes with the peers that are known now.
+    fn now(&mut self, security: Option<&Security>) -> &UdpAcceptor {
+        let peers = known(security);
+        if !Arc::ptr_eq(&peers, &self.peers) {
+            self.udp.pin(pinned(&peers));
+            self.peers = peers;
+        }
+        &self.udp
+    }
+}
+
+fn known(security: Option<&Security>) -> Arc<[KnownPeer]> {
+    security.map_or_else(Arc::default, |security| security.peers.now())
 }
 
 /// A caller with valid keys.
@@ -104,14 +127,18 @@ impl UdpListener {
     /// A datagram for no connection.
     fn take(&self, path: Path, datagram: &[u8]) {
         let from = path.remote;
+        let mut pinned = self.pinned.lock();
+        let udp = pinned.now(self.security.as_ref());
         // A validated address costs work from here on.
-        if self.udp.would_decrypt(self.acceptor.net.now(), from, datagram)
+        if udp.would_decrypt(self.acceptor.net.now(), from, datagram)
             && let Err(e) = self.acceptor.begin(&PeerAddress::Udp(from))
         {
             return self.acceptor.failed(&from, e);
         }
         let mut reply = Vec::new();
-        match self.udp.handle(self.acceptor.net.now(), from, datagram, &mut reply) {
+        let handled = udp.handle(self.acceptor.net.now(), from, datagram, &mut reply);
+        drop(pinned);
+        match handled {
             Handled::Reply => self.send(path, &reply),
             Handled::Initial(initial) => self.answer(path, *initial),
             Handled::Stranger => self.acceptor.failed(&from, HandshakeError::Stranger),

@@ -8,7 +8,7 @@ use trimaran_wire::Format;
 use zeroize::Zeroizing;
 
 use crate::handshake::HandshakeError;
-use crate::keys::Security;
+use crate::keys::{KnownPeer, Security};
 use crate::{LinkConfig, UdpMode, UdpSocketOptions};
 
 /// The largest datagram that fits the buffers here.
@@ -106,14 +106,7 @@ impl Trust {
             Self::Plaintext => Noise::Plaintext,
             Self::Keys => {
                 let Security { keys, peers } = known.ok_or(HandshakeError::NoKeys)?;
-                // A key may be known for several roles. They are tried in the order given.
-                let mut known = Vec::with_capacity(peers.len());
-                for key in peers.iter().map(|peer| peer.keys.udp.to_bytes()) {
-                    if !known.contains(&key) {
-                        known.push(key);
-                    }
-                }
-                Noise::Pinned { own: keys.noise().to_bytes(), peers: known }
+                Noise::Pinned { own: keys.noise().to_bytes(), peers: pinned(&peers.now()) }
             }
         })
     }
@@ -128,6 +121,18 @@ impl Trust {
             other => vec![other],
         })
     }
+}
+
+/// The public keys of these peers, each once. A key may be known for several roles. They are tried in the order
+/// given.
+pub(super) fn pinned(peers: &[KnownPeer]) -> Vec<[u8; 32]> {
+    let mut known = Vec::with_capacity(peers.len());
+    for key in peers.iter().map(|peer| peer.keys.udp.to_bytes()) {
+        if !known.contains(&key) {
+            known.push(key);
+        }
+    }
+    known
 }
 
 impl Default for UdpOptions {

@@ -18,7 +18,7 @@ use crate::common::{Link, Listener, connect, last_failure, net, soon};
 /// Options of peers that know each other over every transport.
 fn trusting() -> Options {
     let keys = Keys::generate("both".parse().unwrap()).unwrap();
-    let peers = vec![keys.public().clone().into()];
+    let peers = vec![keys.public().clone().into()].into();
     shared(1).with_security(Security { keys, peers })
 }
 

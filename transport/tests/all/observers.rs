@@ -52,7 +52,7 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
         let security = ours.security.clone().unwrap();
         let security = match knows_us {
             true => Security { keys, ..security },
-            false => Security { peers: vec![keys.public().clone().into()], ..security },
+            false => Security { peers: vec![keys.public().clone().into()].into(), ..security },
         };
         let strange = ours.clone().with_security(Some(security));
         let mut stranger = bind_when_free(&at, greeting(ARM), &strange).await;

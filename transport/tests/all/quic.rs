@@ -38,7 +38,7 @@ fn acquainted(options: &Options) -> (Options, Options) {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] });
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()].into() });
         options.clone().with_security(security)
     };
     (with(&a, &b), with(&b, &a))
@@ -92,7 +92,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     let print = |options: &Options| public(options).quic.unwrap();
 
     // The listener knows the peer, the peer another listener.
-    let security = Some(Security { peers: vec![public(&stranger).into()], ..of(&theirs) });
+    let security = Some(Security { peers: vec![public(&stranger).into()].into(), ..of(&theirs) });
     let confused = Options::default().with_security(security);
     let (error, _) = failures(&ours, &confused, greeting(PANEL)).await;
     let HandshakeError::UnknownPeer(unknown) = error else { panic!("{error:?}") };
@@ -101,7 +101,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     assert!(message.contains(&print(&stranger).to_string()) && message.contains(&print(&ours).to_string()));
 
     // The peer knows the listener, the listener another peer.
-    let security = Some(Security { peers: vec![public(&ours).into()], ..of(&stranger) });
+    let security = Some(Security { peers: vec![public(&ours).into()].into(), ..of(&stranger) });
     let intruder = Options::default().with_security(security);
     let (error, known) = failures(&ours, &intruder, greeting(PANEL)).await;
     let HandshakeError::NotKnown { presented } = error else { panic!("{error:?}") };
@@ -152,8 +152,8 @@ async fn with_keys_for_datagrams_alone_there_is_no_quic() {
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 
     // A listener that knows such a peer for datagrams has no place for it, and the others still get in.
-    let peers = [vec![for_datagrams_alone().public().clone().into()], known.security.clone().unwrap().peers];
-    let security = Some(Security { peers: peers.concat(), ..known.security.clone().unwrap() });
+    let peers = [vec![for_datagrams_alone().public().clone().into()], known.security.clone().unwrap().peers.now().to_vec()];
+    let security = Some(Security { peers: peers.concat().into(), ..known.security.clone().unwrap() });
     let ours = known.with_security(security);
     let (mut listener, endpoint) = listener(&net, &ours).await;
     let (there, here) = tokio::join!(

@@ -17,7 +17,7 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
     let [a, b] = keys.each_ref().map(|keys| keys.public().clone());
     let [ours, theirs] = keys;
     [(ours, b), (theirs, a)].map(|(keys, peer)| {
-        let security = Some(Security { keys, peers: vec![peer.into()] });
+        let security = Some(Security { keys, peers: vec![peer.into()].into() });
         Options::default().with_security(security).with_quic(quic)
     })
 }

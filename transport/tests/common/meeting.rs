@@ -50,7 +50,7 @@ impl Meeting {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (a, b) = (keys("a"), keys("b"));
         let with = |keys: &Keys, peer: &Keys| {
-            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] };
+            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone().into()].into() };
             options.clone().with_security(Some(security))
         };
         let (ours, panel) = (with(&a, &b), with(&b, &a));

@@ -303,6 +303,14 @@ impl Acceptor {
         Ok(Self { security, token_key: TokenKey::new(secret), reset_key })
     }
 
+    /// Admits the holders of these public keys from now on, and no others, if peers are pinned. Connections
+    /// that are there stay.
+    pub fn pin(&mut self, keys: Vec<[u8; 32]>) {
+        if let Security::Pinned { peers, .. } = &mut self.security {
+            *peers = keys;
+        }
+    }
+
     /// Takes a datagram for no connection from `address`. Nothing is allocated before the cookie is
     /// validated.
     pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {

@@ -188,6 +188,29 @@ impl RoleError {
         }
     }
 
+    /// The kind, in a word, for counters: there are no more than variants.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::Stopped => "stopped",
+            Self::Join(_) => "join",
+            Self::Link { .. } => "link",
+            Self::Order { .. } => "order",
+            Self::Ids { .. } => "ids",
+            Self::Supplied { .. } | Self::Supply(_) => "geometry",
+            Self::Lead(_) => "leader",
+            Self::Device { .. } => "device",
+            Self::Session { .. } => "session_device",
+            Self::Limit(_) => "limit",
+            Self::Thread(_) => "thread",
+            Self::Panic(_) => "panic",
+            Self::Cull(_) => "culling",
+            Self::Unknown(_) => "unknown_drawable",
+            Self::View(_) | Self::UnknownView(_) => "view",
+            Self::Observer(_) => "recording",
+        }
+    }
+
     /// Whether a device gave up the role's work.
     pub(crate) const fn is_of_a_device(&self) -> bool {
         matches!(self, Self::Device { .. } | Self::Session { .. })

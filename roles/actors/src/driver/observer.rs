@@ -22,6 +22,8 @@ pub struct ShownFrame<'f> {
     /// How many drawables of the frame had not come yet, if the display has no scene: coarser ones were drawn
     /// in their place. 0 if the picture is exact.
     pub lacking: u32,
+    /// Further frames that have been culled and wait to be drawn.
+    pub queued: u32,
     /// The last frame is shown again, after more of it has come.
     pub again: bool,
     /// The picture, if requested.

@@ -205,6 +205,7 @@ impl<W: DisplayWork> Watching<'_, W> {
             ids: &ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
             lacking: 0,
+            queued: 0,
             again: false,
             picture,
             published: begun,

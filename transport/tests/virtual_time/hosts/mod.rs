@@ -166,6 +166,6 @@ pub(crate) fn acquainted() -> [Options; 2] {
 
 /// Options of a peer with these keys that knows the other.
 pub(crate) fn knowing(keys: &Keys, other: &Keys) -> Options {
-    let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()] });
+    let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()].into() });
     Options::default().with_security(security)
 }

@@ -263,11 +263,17 @@ impl<W: CullerWork> Session<W> {
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
         let to_other = self.inbox.other.finish().await;
         self.display.frames_tx.finish().await.map_err(link("ending a frame"))?;
+        let observer = self.sharing.observer();
         let stats = match source {
             Source::Culled { occluders_of } => {
-                FrameStats { occluders_of, to_other, ..self.work.frame_stats() }
+                let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats() };
+                observer.inspect(|observer| observer.culled(&stats));
+                stats
             }
-            Source::Shared(_) => FrameStats::of_no_work(camera.frame(), nanoseconds(self.clock.elapsed())),
+            Source::Shared(_) => {
+                observer.inspect(|observer| observer.shared());
+                FrameStats::of_no_work(camera.frame(), nanoseconds(self.clock.elapsed()))
+            }
         };
         let message = RoleMessage::Stats(stats);
         self.display.messages_tx.send(&message).await.map_err(link("sending statistics"))

@@ -202,6 +202,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             ids: &ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
             lacking: u32::try_from(lacking).unwrap_or(u32::MAX),
+            queued: u32::try_from(self.there.len()).unwrap_or(u32::MAX),
             again,
             picture,
             published,

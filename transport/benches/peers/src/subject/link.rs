@@ -79,7 +79,7 @@ impl Linked {
         let (near, far) = (Keys::generate("near".parse()?)?, Keys::generate("far".parse()?)?);
         let options = |own: &Keys, other: &Keys| {
             let mut options = Options::default();
-            options.security = Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] });
+            options.security = Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()].into() });
             options
         };
         Ok(Self { endpoint: endpoint.parse()?, near: options(&near, &far), far: options(&far, &near) })

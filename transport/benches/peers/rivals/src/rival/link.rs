@@ -42,7 +42,7 @@ impl OwnLink {
         let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
         let udp = UdpOptions::default().with_trust(Trust::Keys).with_repair_percent(self.repair_percent);
         let with = |own: &Keys, peer: &Keys| {
-            let security = Security { keys: own.clone(), peers: vec![peer.public().clone().into()] };
+            let security = Security { keys: own.clone(), peers: vec![peer.public().clone().into()].into() };
             Options::default().with_security(security).with_udp(udp.clone())
         };
         Ok([with(&a, &b), with(&b, &a)])
