@@ -111,7 +111,7 @@ pub(super) fn gpu_options(
     timeout_s: f64,
     check_traversals: bool,
 ) -> GpuOptions {
-    let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
+    let device = device.map_or_else(DeviceChoice::from_environment, DeviceChoice::from);
     let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
     let memory = memory.map(|size| size.as_u64());
     GpuOptions { device, timeout, memory, check_traversals, ..GpuOptions::default() }

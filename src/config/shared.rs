@@ -20,8 +20,9 @@ use super::{enough_memory, memory, positive, seconds};
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct GpuConfig {
-    /// The Vulkan device, by a part of its name; the best there is if not given.
-    #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
+    /// The Vulkan device, as `trimaran doctor` prints it: a part of its name, its UUID, its PCI address or its
+    /// number, such as `#1`. If not given, the one that `CUDA_VISIBLE_DEVICES` names, or else the best one.
+    #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "DEVICE")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for

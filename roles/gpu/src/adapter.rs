@@ -1,4 +1,4 @@
-//! The machine's devices, their missing features, and the choice of one.
+//! The machine's devices and their missing features.
 
 use std::ffi::CStr;
 
@@ -6,18 +6,7 @@ use ash::vk;
 
 use crate::error::During as _;
 use crate::needs::{self, Answer};
-use crate::{GpuError, Optional};
-
-/// Which device to open.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum DeviceChoice {
-    /// The best suitable one: discrete before integrated before virtual before CPU.
-    #[default]
-    Best,
-    /// The best suitable one whose name contains this text, in any case.
-    Named(String),
-}
+use crate::{DeviceChoice, DeviceUuid, GpuError, Optional, PciAddress};
 
 /// The kind of a device, worst first, so that the best one is the greatest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,6 +35,12 @@ pub struct GpuInfo {
     pub api_version: (u32, u32, u32),
     /// Its kind.
     pub kind: DeviceKind,
+    /// Its vendor's PCI number, such as 0x10de for NVIDIA.
+    pub vendor: u32,
+    /// Its UUID: the same each time, as long as driver and machine are the same.
+    pub uuid: DeviceUuid,
+    /// Its PCI address, if it has one and its driver tells it.
+    pub pci: Option<PciAddress>,
     /// The longest side of a picture, in pixels.
     pub max_viewport: u32,
     /// The largest single allocation, in bytes.
@@ -115,33 +110,30 @@ impl Adapter {
         presents: bool,
     ) -> Result<Self, GpuError> {
         let adapters = Self::all(instance, presents)?;
-        if adapters.is_empty() {
-            return Err(GpuError::NoDevice);
-        }
-        let found = adapters.iter().map(|a| a.info.name.as_str()).collect::<Vec<_>>().join(", ");
-        let part = match choice {
-            DeviceChoice::Best => "",
-            DeviceChoice::Named(part) => part,
-        };
-        let is_named = |a: &Self| a.info.name.to_lowercase().contains(&part.to_lowercase());
-        let Some(best) = adapters.into_iter().find(is_named) else {
-            return Err(GpuError::NoSuchDevice { wanted: part.to_owned(), found });
-        };
-        if best.info.missing.is_empty() {
-            Ok(best)
-        } else {
-            let missing = best.info.missing.join(", ");
-            Err(GpuError::Unsuitable { device: best.info.name, missing })
-        }
+        let infos: Vec<_> = adapters.iter().map(|adapter| adapter.info.clone()).collect();
+        let number = choice.place(&infos)?;
+        let adapter = adapters.into_iter().nth(number).ok_or(GpuError::NoDevice)?;
+        let GpuInfo { name, uuid, pci, .. } = &adapter.info;
+        let pci = pci.map(tracing::field::display);
+        tracing::info!(device = name, number, %uuid, pci, "opens the graphics device");
+        Ok(adapter)
     }
 
     fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, presents: bool) -> Self {
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
-        let mut properties =
-            vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance).push_next(&mut driver);
+        let mut ids = vk::PhysicalDeviceIDProperties::default();
+        let mut bus = vk::PhysicalDevicePCIBusInfoPropertiesEXT::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut maintenance)
+            .push_next(&mut driver)
+            .push_next(&mut ids);
+        let tells_bus = needs::has_extension(instance, physical, ash::ext::pci_bus_info::NAME);
+        if tells_bus {
+            properties = properties.push_next(&mut bus);
+        }
         // SAFETY: `physical` was enumerated from this instance; the chain holds structures of Vulkan 1.1 and
-        // 1.2 that older devices leave untouched.
+        // 1.2 that older devices leave untouched, and one of an extension that the device has.
         let (families, memory) = unsafe {
             instance.get_physical_device_properties2(physical, &mut properties);
             (
@@ -189,6 +181,14 @@ impl Adapter {
                     vk::api_version_patch(version),
                 ),
                 kind,
+                vendor: properties.vendor_id,
+                uuid: DeviceUuid(ids.device_uuid),
+                pci: tells_bus.then_some(PciAddress {
+                    domain: bus.pci_domain,
+                    bus: bus.pci_bus,
+                    device: bus.pci_device,
+                    function: bus.pci_function,
+                }),
                 max_viewport: max_side,
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),

@@ -50,12 +50,12 @@ pub enum GpuError {
         /// The available names.
         found: String,
     },
-    /// No device has the requested name.
-    #[error("no Vulkan device matches the name {wanted:?}; this machine has: {found}")]
+    /// No device has the requested name, number, UUID or PCI address.
+    #[error("no Vulkan device matches {wanted:?}; this machine has: {found}")]
     NoSuchDevice {
-        /// The requested part of a name.
+        /// The request.
         wanted: String,
-        /// The names of the available devices.
+        /// The numbers and names of the available devices.
         found: String,
     },
     /// Devices match, but each lacks a required feature.

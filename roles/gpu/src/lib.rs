@@ -33,7 +33,8 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `adapter`, `needs`, `gpu`, `wait` | a device: its choice, its requirements, opening it, waiting for it |
+//! | `device_id`, `cuda`, `choice` | which device: its number, UUID, PCI address, a job scheduler's grant |
+//! | `adapter`, `needs`, `gpu`, `wait` | a device: its properties, its requirements, opening it, waiting for it |
 //! | `memory`, `reuse`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
 //! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | shared by the passes |
 //! | `layout`, `pipeline`, `scope`, `pass_kind`, `pass`, `solid_pass` | how all of them draw |
@@ -68,7 +69,10 @@ mod adapter;
 mod arena;
 mod boxes;
 mod camera;
+mod choice;
+mod cuda;
 mod culler;
+mod device_id;
 mod draw_record;
 mod draws;
 mod error;
@@ -107,8 +111,11 @@ mod wait;
 mod window;
 mod working_set;
 
-pub use adapter::{DeviceChoice, DeviceKind, GpuInfo, HzbPlace};
+pub use adapter::{DeviceKind, GpuInfo, HzbPlace};
+pub use choice::DeviceChoice;
+pub use cuda::CudaDevices;
 pub use culler::{VulkanCuller, VulkanCullerError};
+pub use device_id::{DeviceUuid, NoPciAddress, NoUuid, PciAddress, UuidPrefix};
 pub use error::GpuError;
 pub use gpu::{Gpu, GpuOptions};
 pub use hzb::DeviceHzbTest;

@@ -159,7 +159,8 @@ fn draws_depth(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
         .contains(vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT | vk::FormatFeatureFlags::TRANSFER_SRC)
 }
 
-fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
+/// Whether the device has an extension.
+pub(crate) fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
     // SAFETY: `physical` was enumerated from this instance.
     let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
     extensions.unwrap_or_default().iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))

@@ -54,7 +54,7 @@ pub(crate) struct SearchArgs {
     /// The seed of the first walk; each later one has the next number.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub(crate) seed: u64,
-    /// The Vulkan device, by a part of its name [default: the best there is].
+    /// The Vulkan device, by a part of its name or as `trimaran doctor` prints it [default: the best one].
     #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
     pub(crate) device: Option<String>,
     /// Where to write the smallest walks that fail.

@@ -131,8 +131,9 @@ impl From<PresentModeArg> for trimaran_gpu::PresentMode {
 /// The device that culls.
 #[derive(Debug, Args)]
 pub(crate) struct DeviceArgs {
-    /// A part of the device's name; `trimaran doctor` lists them [default: the fastest].
-    #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
+    /// The Vulkan device, as `trimaran doctor` prints it: a part of its name, its UUID, its PCI address or its
+    /// number, such as '#1' [default: the one that CUDA_VISIBLE_DEVICES names, or else the best one].
+    #[arg(long, value_name = "DEVICE", env = "TRIMARAN_DEVICE")]
     pub(crate) device: Option<String>,
     /// The most memory of the device for triangles, such as 2GiB [default: three quarters of what is free].
     #[arg(long, value_name = "SIZE", value_parser = memory, env = "TRIMARAN_GPU_MEMORY")]

@@ -103,7 +103,8 @@ pub(crate) struct SimArgs {
     /// The most memory for what cullers send to such a display, packed.
     #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = memory)]
     pub(crate) geometry_cache: ByteSize,
-    /// The Vulkan device that draws them, by a part of its name [default: the best there is].
+    /// The Vulkan device that draws them, by a part of its name or as `trimaran doctor` prints it [default:
+    /// the best one].
     #[arg(long, value_name = "NAME", requires = "scene")]
     pub(crate) device: Option<String>,
     /// Where to write a run's packets for Wireshark, a pcapng file a run.

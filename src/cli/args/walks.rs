@@ -81,7 +81,7 @@ pub(crate) struct WalkArgs {
     /// what that costs. Needs a occlusion test that counts pixels: query or raster.
     #[arg(long)]
     pub(crate) few_pixels: bool,
-    /// The Vulkan device, by a part of its name [default: the best there is].
+    /// The Vulkan device, by a part of its name or as `trimaran doctor` prints it [default: the best one].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
     /// The most memory of each device for the scene's triangles, such as 64MiB; the least used make room for
