@@ -27,7 +27,7 @@ pub(crate) use cullers::ScheduleArg;
 #[cfg(feature = "lab")]
 pub(crate) use links::NetemArgs;
 pub(crate) use links::{Coding, PingArgs, StatArgs, StatusArgs};
-pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
+pub(crate) use roles::{CheckArgs, ConfigCommand, DoctorArgs, KeysCommand, RoleArgs, RoleCommand};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
 #[cfg(feature = "lab")]
@@ -101,12 +101,10 @@ pub(crate) enum Command {
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
     Role(Box<RoleCommand>),
-    /// Print a role's configuration file with every key, its flag, its environment variable, its default and
-    /// what it means.
-    Config {
-        /// The role.
-        role: RoleName,
-    },
+    /// Print a role's configuration file with every key, its environment variable, its default and what it
+    /// means; or check a file.
+    #[command(subcommand)]
+    Config(ConfigCommand),
     /// Make and show the keys by which machines know each other where a transport encrypts.
     #[command(subcommand)]
     Keys(KeysCommand),

@@ -11,12 +11,14 @@ mod audit;
 mod browser;
 #[cfg(feature = "lab")]
 mod compare;
+mod config;
 mod cooking;
 mod culling;
 mod demo;
 mod display;
 mod doctor;
 mod failure;
+mod finding;
 mod generate;
 mod import;
 mod info;
@@ -32,6 +34,7 @@ mod recording;
 mod relay;
 mod report;
 mod role;
+mod role_check;
 mod run;
 mod serve;
 mod service_manager;
@@ -120,10 +123,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
             Err(Failure::bad_input("emulating a network needs Linux's network namespaces and TUN devices"))
         }
         Command::Role(command) => role::run(&command),
-        Command::Config { role } => {
-            print!("{}", role::template(role));
-            Ok(())
-        }
+        Command::Config(command) => config::run(&command),
         Command::Keys(command) => keys::run(&command),
         Command::Ping(args) => ping::run(&args),
         Command::Stat(args) => stat::run(&args),

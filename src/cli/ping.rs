@@ -1,26 +1,29 @@
 //! `trimaran ping`: measures round trips over a link of any transport.
 
 mod probe;
+mod role_answer;
 mod tally;
 
-use std::{iter, sync::Arc, time::Duration};
+use std::{io::Write as _, iter, sync::Arc, time::Duration};
 
 use trimaran::{
     config::{PeerFiles, options, security},
     metrics::PathReading,
 };
 use trimaran_actors::{Link, Listener};
-use trimaran_proto::{BatchSize, CloseCode, IdCoding, Identity, RejectionCode, Role, SceneHash, Walkthrough};
-use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal, TokioNet, connect};
+use trimaran_proto::{BatchSize, CloseCode, IdCoding, Identity, Role, SceneHash, Walkthrough};
+use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, TokioNet, connect, connect_once};
 
 use super::{
     Failure,
     args::PingArgs,
     log::SAID,
-    number, print_json,
+    number, print_json, printed,
+    terminal::stdout,
     walking::{runtime, stop_on_signal},
 };
 use probe::{Probe, answer, probe};
+use role_answer::RoleAnswer;
 use tally::{Cost, Tally, microseconds};
 
 /// Stands for the scene of a session: peers that ping have none.
@@ -48,8 +51,13 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     }
     let mut tally = Tally::new().map_err(Failure::broken)?;
     let pinging = ping(args, &net, &options, &mut tally);
-    let cost = runtime.block_on(stop.unless_requested(pinging)).transpose()?;
-    let summary = tally.summary(&args.endpoint, args.ids, cost.unwrap_or_default());
+    let cost = match runtime.block_on(stop.unless_requested(pinging)).transpose()? {
+        Some(Pinged::Role(answer)) if args.json => return print_json(&answer),
+        Some(Pinged::Role(answer)) => return printed(writeln!(stdout(), "{answer}")),
+        Some(Pinged::Measured(cost)) => cost,
+        None => Cost::default(),
+    };
+    let summary = tally.summary(&args.endpoint, args.ids, cost);
     if args.json {
         return print_json(&summary);
     }
@@ -73,22 +81,49 @@ async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) ->
     }
 }
 
-/// Pings, and prints the round trips.
+/// The other end of a ping.
+enum Pinged {
+    /// It sent back what it got.
+    Measured(Cost),
+    /// It is a role of a session, which sends back nothing.
+    Role(RoleAnswer),
+}
+
+/// Pings, and counts the round trips.
 async fn ping(
     args: &PingArgs,
     net: &Arc<dyn Net>,
     options: &Options,
     tally: &mut Tally,
-) -> Result<Cost, Failure> {
+) -> Result<Pinged, Failure> {
     let timeout = Duration::from_secs_f64(args.timeout);
-    let identity = Identity { role: Role::Display, scene: Some(NO_SCENE.into()), session: None };
-    let begun = net.now();
-    let mut link: Link = connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout))
-        .await
-        .map_err(not_linked)?;
+    // Roles take a display without a scene and a session, and begin nothing with it.
+    let identity = Identity { role: Role::Display, scene: None, session: None };
+    let (at, begun) = (&args.endpoint, net.now());
+    let by = begun.after(timeout);
+    let soon = begun.after(timeout.min(options.link.handshake_timeout));
+    let mut made = connect_once::<Walkthrough>(net, at, identity, options, soon).await;
+    if let Err(error) = &made {
+        if let Some(answer) = RoleAnswer::of_refusal(at, error, net.now().since(begun)) {
+            return Ok(Pinged::Role(answer));
+        }
+        if net.now() < by {
+            made = connect::<Walkthrough>(net, at, identity, options, by).await;
+        }
+    }
+    let failed = |error: ConnectError| {
+        if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
+    };
+    let mut link: Link = made.map_err(failed)?;
+    let took = net.now().since(begun);
+    let Identity { role, scene, .. } = link.peer.hello;
+    if scene.is_none_or(|scene| scene.hash != NO_SCENE) {
+        let answer = RoleAnswer::new(at, Some(role), scene, took);
+        let _left = link.close(CloseCode::Finished.reason()).await;
+        return Ok(Pinged::Role(answer));
+    }
     if !args.json {
-        let took = microseconds(net.now().since(begun));
-        println!("{} at {}: linked in {} us", args.endpoint, link.peer.address, number(took as u64));
+        println!("{at} at {}: linked in {} us", link.peer.address, number(microseconds(took) as u64));
     }
     let before = link.stats.read();
     let plan =
@@ -98,25 +133,6 @@ async fn ping(
     let bytes = carried.sent.total_bytes() + carried.received.total_bytes();
     // An error of the other end at this point does not matter.
     let _left = link.close(CloseCode::Finished.reason()).await;
-    Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
-}
-
-fn not_linked(error: ConnectError) -> Failure {
-    match error.refusal() {
-        // A role of a session refuses strangers: this deserves a clearer message.
-        Some(refusal) if is_of_a_session(refusal) => Failure::bad_input(
-            "the link works, but a role of a session listens there, and it answers its own session only: \
-                 run `trimaran ping --answer` on another port",
-        ),
-        _ if error.may_pass() => Failure::broken(error),
-        _ => Failure::bad_input(error),
-    }
-}
-
-/// Whether a refusal comes from a role of a session.
-fn is_of_a_session(refusal: &Refusal) -> bool {
-    match refusal {
-        Refusal::Rejected(why) => RejectionCode::Scene.is_of(why) || RejectionCode::Role.is_of(why),
-        _ => false,
-    }
+    let bytes = bytes as f64 / f64::from(args.count);
+    Ok(Pinged::Measured(Cost { bytes, path: carried.path.map(PathReading::from) }))
 }

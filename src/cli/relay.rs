@@ -4,7 +4,7 @@ use std::{fs, path::Path, sync::Arc};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{ConfigError, PeerFiles, RelayConfig, WatcherConfig, security},
+    config::{ConfigError, RelayConfig, RoleNeeds as _, WatcherConfig},
     metrics::Metrics,
     vulkan::VulkanDisplay,
 };
@@ -14,7 +14,7 @@ use trimaran_actors::{
 };
 use trimaran_cull::{Image, RgbImage};
 use trimaran_proto::{FrameNumber, Identity, LodRule, Role, Settings, Viewport};
-use trimaran_transport::{Endpoint, Endpoints, Options, UdpMode};
+use trimaran_transport::{Endpoint, Endpoints, Options};
 
 use super::{
     Failure,
@@ -29,17 +29,7 @@ pub(super) fn relay(
     until_input_ends: bool,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    if options.udp.mode == UdpMode::Deadline {
-        let why = "a relay passes on whole frames: leave it at reliable";
-        return Err(Failure::bad_input(ConfigError::Value { key: "udp.mode", why }));
-    }
-    let peers = [
-        PeerFiles { name: "peers.upstream", role: Some(Role::Culler), paths: &config.peers.upstream },
-        PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: &config.peers.displays },
-    ];
-    let endpoints = config.upstream.iter().chain(config.listen.iter());
-    let known =
-        security(options, endpoints, config.common.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let known = config.security(options).map_err(Failure::bad_input)?;
     let options = options.clone().with_security(known);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(server) = start.metrics("relay", &config.common, &options)? else { return Ok(()) };
@@ -69,9 +59,8 @@ pub(super) fn watcher(
     until_input_ends: bool,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let peers = [PeerFiles { name: "peers.relay", role: Some(Role::Culler), paths: &config.peers.relay }];
-    let known = security(options, config.relay.iter(), config.common.keys.as_deref(), &peers);
-    let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
+    let known = config.security(options).map_err(Failure::bad_input)?;
+    let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(server) = start.metrics("watcher", &config.common, &options)? else { return Ok(()) };

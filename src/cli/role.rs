@@ -4,22 +4,19 @@ use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{
-        CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RelayConfig, RoleConfig, SessionConfig,
-        WatcherConfig, security,
-    },
+    config::{CullerConfig, DisplayConfig, RoleConfig, RoleNeeds as _},
     culling::CullingMethod,
     report::{Run, Writer, schema::Machine},
     walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
 };
 use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
 use trimaran_gpu::Gpu;
-use trimaran_proto::{BatchSize, Identity, LodRule, Role, SessionKey, SettingsError, Viewport};
+use trimaran_proto::{BatchSize, Identity, LodRule, SessionKey, SettingsError, Viewport};
 use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until, until};
 
 use super::{
     Failure,
-    args::{RoleArgs, RoleCommand, RoleName},
+    args::{RoleArgs, RoleCommand},
     culling::{Host, largest, limits},
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     log::SAID,
@@ -67,31 +64,13 @@ where
     C::load(args.flags.clone(), &args.links.options, args.config.as_deref()).map_err(Failure::bad_input)
 }
 
-/// A configuration file with every key.
-pub(super) fn template(role: RoleName) -> String {
-    match role {
-        RoleName::Culler => CullerConfig::template(),
-        RoleName::Display => DisplayConfig::template(),
-        RoleName::Relay => RelayConfig::template(),
-        RoleName::Watcher => WatcherConfig::template(),
-    }
-}
-
 /// A culler: serves displays until it is stopped.
 fn culler(
     (config, options): &(CullerConfig, Options),
     until_input_ends: bool,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let CullerPeers { displays, cullers } = &config.peers;
-    let peers = [
-        PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: displays },
-        PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: cullers },
-    ];
-    let endpoints = config.listen.iter().chain(&config.displays).chain(&config.cullers);
-    let endpoints = endpoints.flat_map(Endpoints::iter);
-    let known =
-        security(options, endpoints, config.common.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let known = config.security(options).map_err(Failure::bad_input)?;
     let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
@@ -129,13 +108,10 @@ fn display(
     until_input_ends: bool,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let plan = session_plan(&config.session, &config.schedule)?;
+    let plan = session_plan(config)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
-    let peers = [PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: &config.peers.cullers }];
-    let endpoints = || config.cullers.iter().chain(&config.listen).flat_map(Endpoints::iter);
-    let known = security(options, endpoints(), config.common.keys.as_deref(), &peers);
-    let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
-    recording::check(&plan, config.record.as_deref())?;
+    let known = config.security(options).map_err(Failure::bad_input)?;
+    let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::new(runtime, config.common.join_timeout_s, until_input_ends);
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
@@ -305,9 +281,9 @@ async fn listen(
     bound.map_err(|e: ListenError| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
 }
 
-/// The plan that the configuration asks for.
-fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure> {
-    Ok(Plan {
+/// The plan that the configuration asks for, which this program can record as it is asked to.
+pub(super) fn session_plan(DisplayConfig { session, schedule, record, .. }: &DisplayConfig) -> Result<Plan, Failure> {
+    let plan = Plan {
         // Cullers choose their own method; without cullers the display uses Trimaran's.
         culling: CullingMethod::Trimaran,
         viewport: Viewport::new(session.width, session.height).map_err(Failure::bad_input)?,
@@ -322,5 +298,7 @@ fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure
         audit_every: if cfg!(feature = "lab") { session.audit_every } else { 0 },
         visible: session.visible,
         alone: false,
-    })
+    };
+    recording::check(&plan, record.as_deref())?;
+    Ok(plan)
 }

@@ -5,9 +5,11 @@
 
 #![allow(unused_qualifications, clippy::ptr_arg, reason = "as `Config` derives its layers and checks")]
 
+mod needs;
 mod options;
 mod relay;
 mod role;
+mod role_name;
 mod security;
 mod shared;
 
@@ -23,9 +25,11 @@ use thiserror::Error;
 use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
+pub use needs::{RoleNeeds, SoughtPeers};
 pub use options::{GivenOption, GivenOptionError, OptionKey, options};
 pub use relay::{RelayConfig, RelayPeers, WatcherConfig, WatcherPeers};
 pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, WhileLoading};
+pub use role_name::RoleName;
 pub use security::{PeerFiles, needs_keys, security};
 pub use shared::{CommonConfig, GpuConfig};
 
@@ -126,6 +130,14 @@ pub trait RoleConfig: Config {
     /// Names the key and what is wrong with it.
     fn check(&self) -> Result<(), ConfigError>;
 
+    /// Checks the options of the role's links.
+    ///
+    /// # Errors
+    /// Names the key and what is wrong with it.
+    fn check_links(_options: &Options) -> Result<(), ConfigError> {
+        Ok(())
+    }
+
     /// Reads the layers, each before the next: flags, the environment, `file` and the defaults. Gives the
     /// role's own keys, and the options of its links.
     ///
@@ -143,7 +155,9 @@ pub trait RoleConfig: Config {
         let layers = layers.with_fallback(Self::Layer::default_values());
         let config = Self::from_layer(layers).map_err(|cause| ConfigError::Missing { cause })?;
         config.check()?;
-        Ok((config, options(link_flags, links)?))
+        let options = options(link_flags, links)?;
+        Self::check_links(&options)?;
+        Ok((config, options))
     }
 
     /// A file with every key, its description and its default, each commented out.

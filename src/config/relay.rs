@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use confique::Config;
 use serde::Serialize;
-use trimaran_transport::Endpoints;
+use trimaran_transport::{Endpoints, Options, UdpMode};
 
 use super::{CommonConfig, ConfigError, GpuConfig, RoleConfig};
 
@@ -123,6 +123,14 @@ impl RoleConfig for RelayConfig {
 
     fn check(&self) -> Result<(), ConfigError> {
         one("upstream", &self.upstream)
+    }
+
+    fn check_links(options: &Options) -> Result<(), ConfigError> {
+        if options.udp.mode == UdpMode::Deadline {
+            let why = "a relay passes on whole frames: leave it at reliable";
+            return Err(ConfigError::Value { key: "udp.mode", why });
+        }
+        Ok(())
     }
 }
 

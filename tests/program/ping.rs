@@ -82,3 +82,32 @@ fn nobody_there_is_said_in_the_timeouts_time() {
     assert_eq!(bare.status.code(), Some(2));
     assert!(said(&bare).contains("trimaran keys new"), "{}", said(&bare));
 }
+
+/// It takes part in nothing: the display's report has no culler.
+#[test]
+fn a_role_that_answers_is_success() {
+    let bench = Bench::with_plant(60);
+    let listens = |process: &mut Process| {
+        let line = process.says("listens on");
+        line.trim().rsplit(' ').next().unwrap().to_owned()
+    };
+    let scene = ["--scene", "plant.scene", "--listen", "tcp://127.0.0.1:0"];
+    let mut culler = bench.start(&[&["role", "culler"], &scene[..]].concat());
+    let size = ["--width", "32", "--height", "32", "--live", "1", "--out", "walk"];
+    let mut display = bench.start(&[&["role", "display"], &scene[..], &size[..]].concat());
+    for (role, process) in [("culler", &mut culler), ("display", &mut display)] {
+        let at = listens(process);
+        let said = bench.done(&["ping", &at]);
+        assert!(said.starts_with(&format!("{at}: a {role} answers in ")), "{said}");
+        let json = bench.done(&["ping", &at, "--json"]);
+        let answer: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(answer["role"], role, "{answer}");
+        assert_eq!(answer["scene"].is_string(), role == "culler", "{answer}");
+    }
+    culler.signal("TERM");
+    culler.ends(0);
+    display.signal("TERM");
+    display.ends(3);
+    let notes = bench.report("walk")["run"]["notes"].to_string();
+    assert!(!notes.contains("culler"), "{notes}");
+}

@@ -14,7 +14,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::common::program::{Bench, printed};
+use crate::common::program::{Bench, Process, printed};
 
 const INSTALLED: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 const FRAMES: usize = 8;
@@ -180,6 +180,30 @@ fn what_the_second_driver_lacks_is_said_by_doctor() {
     assert_eq!(json["works"], true);
     let lacks = json["findings"][0]["lacks"][0].as_str().unwrap();
     assert!(lacks.starts_with("geometryShader: "), "{lacks}");
+}
+
+#[test]
+fn two_cullers_of_one_machine_open_two_devices() {
+    let Some(swiftshader) = swiftshader() else { return };
+    let bench = Bench::with_plant(60);
+    let with_both = |args: &[&str]| {
+        let mut command = bench.command(args);
+        command.env("VK_ADD_DRIVER_FILES", &swiftshader).env("TRIMARAN_LOG", "info");
+        command
+    };
+    let json: Value = serde_json::from_str(&printed(&with_both(&["doctor", "--json"]).output().unwrap())).unwrap();
+    let listed = json["findings"].as_array().unwrap().iter().filter(|finding| finding["what"] == "gpu");
+    let listed: Vec<_> = listed.map(|finding| finding["detail"].as_str().unwrap()).collect();
+    let uuids = listed.iter().map(|detail| detail.split_once("UUID ").unwrap().1.split(',').next().unwrap());
+    let uuids: Vec<_> = uuids.collect();
+    assert!(uuids.len() >= 2 && uuids[0] != uuids[1], "{listed:?}");
+    let culler = ["role", "culler", "--scene", "plant.scene", "--listen", "tcp://127.0.0.1:0", "--device"];
+    for number in ["#0", "#1"].into_iter().zip(&uuids).flat_map(|(number, uuid)| [(number, *uuid), (*uuid, *uuid)]) {
+        let (device, uuid) = number;
+        let mut culler = Process::start(&mut with_both(&[&culler[..], &[device]].concat()));
+        culler.says_all(&["opens the graphics device", uuid]);
+        culler.says("the culler listens on");
+    }
 }
 
 #[test]

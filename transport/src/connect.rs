@@ -8,7 +8,7 @@ use std::time::Duration;
 use thiserror::Error;
 use trimaran_wire::{Format, Protocol, Refusal, SessionId};
 
-use crate::application::Side;
+use crate::application::{Application, Side};
 use crate::causes::causes;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
@@ -107,30 +107,15 @@ pub async fn connect<P: Protocol>(
     options: &Options,
     deadline: Instant,
 ) -> Result<Link<P>, ConnectError> {
-    let application = Side::<P>::of(hello).map_err(|e| ConnectError::Failed {
-        endpoint: endpoint.clone(),
-        cause: AttemptError::Handshake { address: endpoint.to_string(), cause: e.into() },
-    })?;
-    let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
+    let application = introduced::<P>(endpoint, hello)?;
     let started = net.now();
     let mut attempts = 0;
     let mut known = None;
     let mut logged = String::new();
     loop {
         attempts += 1;
-        let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let timeout = net.now().after(options.link.handshake_timeout).min(deadline);
-        let introduction =
-            Introduction { application: &*application, session, link: &options.link, by: timeout };
-        let attempt = async {
-            let transport = transport_of(endpoint, options).map_err(unsupported)?;
-            transport
-                .check_channels(&*application)
-                .map_err(|cause| AttemptError::Handshake { address: endpoint.to_string(), cause })?;
-            let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
-            believed::<P>(net, options, &application.format(), parts).await
-        };
-        let last = match until(&**net, timeout, attempt).await {
+        let last = match attempt::<P>(net, endpoint, &*application, options, timeout).await? {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e)) if timeout == deadline && e.is_silence() => known.unwrap_or(e),
             Some(Err(cause)) if cause.is_final() => {
@@ -157,6 +142,64 @@ pub async fn connect<P: Protocol>(
         sleep_until(&**net, next).await;
         known = Some(last);
     }
+}
+
+/// As [`connect`] with one attempt, for a check: a closed port and a refusal end it at once.
+///
+/// # Errors
+/// If the attempt fails, or is not over at `deadline`.
+pub async fn connect_once<P: Protocol>(
+    net: &Arc<dyn Net>,
+    endpoint: &Endpoint,
+    hello: P::Hello,
+    options: &Options,
+    deadline: Instant,
+) -> Result<Link<P>, ConnectError> {
+    let application = introduced::<P>(endpoint, hello)?;
+    let started = net.now();
+    let last = match attempt::<P>(net, endpoint, &*application, options, deadline).await? {
+        Some(Ok(link)) => return Ok(link),
+        Some(Err(cause)) if cause.is_final() => {
+            return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
+        }
+        Some(Err(last)) => last,
+        None => AttemptError::TimedOut,
+    };
+    let waited = net.now().since(started);
+    Err(ConnectError::Deadline { endpoint: endpoint.clone(), waited, attempts: 1, last })
+}
+
+/// This side of the link's protocol.
+fn introduced<P: Protocol>(
+    endpoint: &Endpoint,
+    hello: P::Hello,
+) -> Result<Arc<dyn Application>, ConnectError> {
+    Side::<P>::of(hello).map_err(|e| ConnectError::Failed {
+        endpoint: endpoint.clone(),
+        cause: AttemptError::Handshake { address: endpoint.to_string(), cause: e.into() },
+    })
+}
+
+/// One attempt at a link; `None` if it was not over in time.
+async fn attempt<P: Protocol>(
+    net: &Arc<dyn Net>,
+    endpoint: &Endpoint,
+    application: &dyn Application,
+    options: &Options,
+    by: Instant,
+) -> Result<Option<Result<Link<P>, AttemptError>>, ConnectError> {
+    let session = SessionId(net.random().map_err(ConnectError::Random)?);
+    let introduction = Introduction { application, session, link: &options.link, by };
+    let attempt = async {
+        let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
+        let transport = transport_of(endpoint, options).map_err(unsupported)?;
+        transport
+            .check_channels(application)
+            .map_err(|cause| AttemptError::Handshake { address: endpoint.to_string(), cause })?;
+        let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
+        believed::<P>(net, options, &application.format(), parts).await
+    };
+    Ok(until(&**net, by, attempt).await)
 }
 
 /// Endless pauses between attempts: each is twice the one before, up to `longest`.

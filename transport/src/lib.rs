@@ -118,7 +118,7 @@ pub use causes::causes;
 pub use channels::{ChannelError, Channels, FrameHalves, LatestHalves};
 pub use config::limits::Limits;
 pub use config::link::LinkConfig;
-pub use connect::{ConnectError, connect, growing_pauses};
+pub use connect::{ConnectError, connect, connect_once, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
     UdpEndpoint, UdpMode, WsEndpoint, WsPath,

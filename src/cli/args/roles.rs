@@ -2,9 +2,9 @@
 
 use std::{net::SocketAddr, path::PathBuf};
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use confique::Config;
-use trimaran::config::{CullerConfig, DisplayConfig, RelayConfig, WatcherConfig};
+use trimaran::config::{CullerConfig, DisplayConfig, RelayConfig, RoleName, WatcherConfig, positive};
 use trimaran_transport::Name;
 
 use super::links::LinkFlags;
@@ -37,16 +37,33 @@ pub(crate) struct RoleArgs<L: Args> {
     pub(crate) links: LinkFlags,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum RoleName {
-    /// A culler.
+/// A role whose file to print, or a file to check.
+#[derive(Debug, Subcommand)]
+pub(crate) enum ConfigCommand {
+    /// Print a culler's file with every key.
     Culler,
-    /// The display.
+    /// Print a display's file with every key.
     Display,
-    /// A relay.
+    /// Print a relay's file with every key.
     Relay,
-    /// A display that watches.
+    /// Print the file of a display that watches, with every key.
     Watcher,
+    /// Check a role's file without starting the role: its keys and values, the key files and their modes, the
+    /// scene, the device. Exit code 2 if it must be corrected, 1 if something around it is missing.
+    Check(CheckArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CheckArgs {
+    /// The role's configuration (TOML).
+    #[arg(value_name = "F.toml")]
+    pub(crate) file: PathBuf,
+    /// The role that it is for [default: the one that has its keys].
+    #[arg(long, value_enum)]
+    pub(crate) role: Option<RoleName>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -71,6 +88,19 @@ pub(crate) struct DoctorArgs {
     /// An address whose port is to be tried for listening.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub(crate) listen: SocketAddr,
+    /// Check a role's configuration as well, with what `trimaran config check` leaves out: its ports, its
+    /// peers by a handshake, what the service's user may open, the limit of open files.
+    #[arg(long, value_name = "F.toml", conflicts_with = "listen")]
+    pub(crate) config: Option<PathBuf>,
+    /// The role that the configuration is for [default: the one that has its keys].
+    #[arg(long, value_enum, requires = "config")]
+    pub(crate) role: Option<RoleName>,
+    /// The service's user [default: trimaran, if root asks and there is such a user; else the present one].
+    #[arg(long, value_name = "NAME", requires = "config")]
+    pub(crate) user: Option<String>,
+    /// How long to wait for an answer of each peer, seconds.
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, requires = "config")]
+    pub(crate) timeout: f64,
     /// Print as JSON.
     #[arg(long)]
     pub(crate) json: bool,

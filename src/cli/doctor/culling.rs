@@ -12,7 +12,7 @@ use trimaran_cull::{Culler, CutRule, LodRule, OcclusionTest as _, View, Viewport
 use trimaran_gpu::{Gpu, GpuScene, Optional, VulkanCuller};
 use trimaran_proto::{Camera, FrameNumber, OcclusionTestKind};
 
-use super::Finding;
+use crate::cli::finding::Finding;
 
 /// Views from the middle of the plant, all around.
 const FRAMES: u32 = 8;

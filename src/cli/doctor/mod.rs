@@ -1,62 +1,38 @@
-//! `trimaran doctor`: checks this machine, and names missing packages.
+//! `trimaran doctor`: checks this machine, and names missing packages; or a deployment on it.
 
+mod access;
 mod culling;
+mod deployment;
+mod network;
+mod service_user;
 
-use std::{io::Write as _, net::TcpListener, thread};
+use std::{net::TcpListener, thread};
 
-use serde::Serialize;
-use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
+use trimaran_gpu::{DeviceChoice, DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
 
-use super::{Failure, args::DoctorArgs, print_json, printed, terminal};
-
-/// The result of one check.
-#[derive(Debug, Serialize)]
-struct Finding {
-    what: &'static str,
-    works: bool,
-    /// The result; if it does not work, the remedy.
-    detail: String,
-    /// Missing optional features, and the effect of their absence.
-    lacks: Vec<String>,
-}
-
-impl Finding {
-    const fn new(what: &'static str, works: bool, detail: String) -> Self {
-        Self { what, works, detail, lacks: Vec::new() }
-    }
-
-    fn lines(&self) -> String {
-        let mark = if self.works { "ok      " } else { "MISSING " };
-        let lacks = self.lacks.iter().map(|lack| format!("{:16}lacks {lack}\n", ""));
-        format!("{mark}{:8}{}\n", self.what, self.detail) + &lacks.collect::<String>()
-    }
-}
+use super::{
+    Failure,
+    args::DoctorArgs,
+    finding::{self, Finding},
+};
 
 pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
-    let mut findings = gpus();
-    findings.push(memory());
-    findings.push(sockets(args));
-    let healthy = findings.iter().all(|finding| finding.works);
-    if args.json {
-        print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
-    } else {
-        printed(write!(terminal::stdout(), "{}", findings.iter().map(Finding::lines).collect::<String>()))?;
-    }
-    if healthy {
-        Ok(())
-    } else {
-        Err(Failure::broken("something that a walkthrough needs is missing; see above"))
-    }
+    let findings = match &args.config {
+        Some(file) => deployment::check(file, args)?,
+        None => gpus().into_iter().chain([memory(), sockets(args)]).collect(),
+    };
+    finding::conclude(&findings, args.json)
 }
 
 fn gpus() -> Vec<Finding> {
     let devices = match Gpu::list() {
         Ok(devices) => devices,
-        Err(error) => return vec![Finding::new("gpu", false, error.to_string())],
+        Err(error) => return vec![Finding::missing("gpu", error)],
     };
-    let mut findings: Vec<_> = devices.iter().map(listed).collect();
+    let mut findings: Vec<_> = devices.iter().enumerate().map(listed).collect();
     // Listing shows only the claims of a device; opening it is the proof.
-    let opened = Gpu::open(&GpuOptions { check_traversals: true, ..GpuOptions::default() });
+    let device = DeviceChoice::from_environment();
+    let opened = Gpu::open(&GpuOptions { device, check_traversals: true, ..GpuOptions::default() });
     let detail = match &opened {
         Ok(gpu) => format!("opened {}", gpu.info().name),
         Err(error) => error.to_string(),
@@ -66,10 +42,15 @@ fn gpus() -> Vec<Finding> {
     findings
 }
 
-fn listed(info: &GpuInfo) -> Finding {
+/// A device, with all that `device` of a configuration may name it by.
+fn listed((number, info): (usize, &GpuInfo)) -> Finding {
+    let GpuInfo { name, driver, uuid, pci, .. } = info;
     let (major, minor, patch) = info.api_version;
-    let mut detail =
-        format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
+    let pci = pci.map(|pci| format!(", PCI {pci}")).unwrap_or_default();
+    let mut detail = format!(
+        "#{number} {name} ({}), Vulkan {major}.{minor}.{patch}, {driver}, UUID {uuid}{pci}",
+        kind(info.kind)
+    );
     if info.hzb_place == HzbPlace::Device {
         detail += "; culls on the device";
     }
@@ -78,7 +59,7 @@ fn listed(info: &GpuInfo) -> Finding {
     }
     // A device that cannot be used is no fault as long as another can.
     let lack = |lack: &Optional| format!("{}: {}", lack.name(), lack.without());
-    Finding { lacks: info.lacks.iter().map(lack).collect(), ..Finding::new("gpu", true, detail) }
+    Finding::ok("gpu", detail).lacking(info.lacks.iter().map(lack).collect())
 }
 
 const fn kind(kind: DeviceKind) -> &'static str {
@@ -108,11 +89,11 @@ fn memory() -> Finding {
 
 fn sockets(args: &DoctorArgs) -> Finding {
     match TcpListener::bind(args.listen) {
-        Ok(_) => Finding::new("sockets", true, format!("can listen on {}", args.listen)),
+        Ok(_) => Finding::ok("sockets", format!("can listen on {}", args.listen)),
         Err(error) => {
             let detail =
                 format!("cannot listen on {}: {error}; give another address with --listen", args.listen);
-            Finding::new("sockets", false, detail)
+            Finding::missing("sockets", detail)
         }
     }
 }
