@@ -1,6 +1,6 @@
 //! `trimaran ping`, both ends of it as processes.
 
-use std::process::Output;
+use std::{fs, process::Output, thread, time::Duration};
 
 use crate::common::program::{Bench, Process, printed};
 
@@ -106,8 +106,12 @@ fn a_role_that_answers_is_success() {
     }
     culler.signal("TERM");
     culler.ends(0);
+    let journal = bench.path("walk/unfinished/walk.jsonl");
+    while !fs::read_to_string(&journal).is_ok_and(|journal| journal.contains("\n{\"frame\":")) {
+        thread::sleep(Duration::from_millis(5));
+    }
     display.signal("TERM");
     display.ends(3);
     let notes = bench.report("walk")["run"]["notes"].to_string();
-    assert!(!notes.contains("culler"), "{notes}");
+    assert!(!notes.contains("came before"), "{notes}");
 }

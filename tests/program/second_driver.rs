@@ -198,8 +198,7 @@ fn two_cullers_of_one_machine_open_two_devices() {
     let uuids: Vec<_> = uuids.collect();
     assert!(uuids.len() >= 2 && uuids[0] != uuids[1], "{listed:?}");
     let culler = ["role", "culler", "--scene", "plant.scene", "--listen", "tcp://127.0.0.1:0", "--device"];
-    for number in ["#0", "#1"].into_iter().zip(&uuids).flat_map(|(number, uuid)| [(number, *uuid), (*uuid, *uuid)]) {
-        let (device, uuid) = number;
+    for (device, uuid) in [("#0", uuids[0]), ("#1", uuids[1]), (uuids[0], uuids[0]), (uuids[1], uuids[1])] {
         let mut culler = Process::start(&mut with_both(&[&culler[..], &[device]].concat()));
         culler.says_all(&["opens the graphics device", uuid]);
         culler.says("the culler listens on");
