@@ -1,13 +1,10 @@
 //! A culler's process: it serves displays side by side, each on a thread of its own.
 
 use std::{
+    future::pending,
     io,
     panic::{self, AssertUnwindSafe},
-    path::Path,
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::Arc,
     thread::{self, Scope, ScopedJoinHandle},
     time::Duration,
 };
@@ -17,16 +14,21 @@ use parking_lot::Mutex;
 use tokio::{runtime::Runtime, sync::mpsc};
 use trimaran::{
     culling::{Culling, CullingMethod},
-    metrics::{DeviceMemory, Metrics, Opened, TurnedAwayReading},
+    metrics::{DeviceMemory, Metrics, Opened},
     page::Pages,
     walkthrough::SceneFile,
 };
 use trimaran_actors::{CullerService, NewSession, RoleError, SessionLimits, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::{DeviceKind, GpuScene};
 use trimaran_proto::{SessionKey, Settings, Viewport};
-use trimaran_transport::{ListenerStats, Net, TokioNet, causes, sleep_until};
+use trimaran_transport::{Net, TokioNet, causes, sleep_until};
 
-use super::{Failure, log::SAID, service_manager::ServiceManager, walking::opened};
+use super::{
+    Failure,
+    log::SAID,
+    served::{Serving, told_of_limits},
+    walking::opened,
+};
 
 /// The step of the wait for sessions to tell their displays that they end.
 const STEP: Duration = Duration::from_millis(10);
@@ -45,41 +47,23 @@ pub(super) struct Host<'h> {
     pub(super) places: usize,
     /// The pages that it serves, if it does.
     pub(super) pages: Option<Pages>,
+    /// It ends with its first display, which comes within this time.
+    pub(super) for_one_session: Option<Duration>,
 }
 
-/// Tells the service manager how many displays are served.
-struct Serving<'h> {
-    manager: ServiceManager,
-    scene: &'h Path,
-    displays: AtomicUsize,
+/// The end of a session.
+#[derive(Debug, Clone, Copy)]
+enum End {
+    /// The display has finished, or this service was stopped.
+    Clean,
+    /// The display was lost, or the session met a fault.
+    Lost,
 }
 
-/// A display that is served until this is dropped.
-struct Served<'s>(&'s Serving<'s>);
-
-impl<'h> Serving<'h> {
-    fn begin(scene: &'h Path) -> Self {
-        let serving =
-            Self { manager: ServiceManager::of_this_process(), scene, displays: AtomicUsize::new(0) };
-        serving.manager.ready(&serving.status(0));
-        serving
-    }
-
-    fn one_more(&self) -> Served<'_> {
-        self.manager.status(&self.status(self.displays.fetch_add(1, Ordering::Relaxed) + 1));
-        Served(self)
-    }
-
-    fn status(&self, displays: usize) -> String {
-        format!("scene {}, displays: {displays}", self.scene.display())
-    }
-}
-
-impl Drop for Served<'_> {
-    fn drop(&mut self) {
-        let Serving { manager, displays, .. } = self.0;
-        manager.status(&self.0.status(displays.fetch_sub(1, Ordering::Relaxed) - 1));
-    }
+/// What a service that waits hears.
+enum Event {
+    Came(NewSession),
+    Ended(End),
 }
 
 /// A session that goes on.
@@ -117,37 +101,59 @@ impl Host<'_> {
         self.metrics.has_places(self.places);
         self.metrics.ready();
         let turns = Turns::fair(at_once(self.drawn.gpu().info().kind));
-        let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
+        let (ended, mut ends) = mpsc::unbounded_channel::<Result<End, RoleError>>();
         let serving = &serving;
+        let latest = self.for_one_session.map(|time| (time, net.now().after(time)));
         thread::scope(|scope| {
             let mut sessions: Vec<Running<'_>> = Vec::new();
             let mut serve = || {
                 loop {
+                    let none_came = async {
+                        match latest.filter(|_| sessions.is_empty()) {
+                            Some((time, latest)) => {
+                                sleep_until(&net, latest).await;
+                                time
+                            }
+                            None => pending().await,
+                        }
+                    };
                     let next = async {
                         tokio::select! {
-                            session = service.next() => session.map_err(Failure::bad_input),
-                            Some(error) = failures.recv() => Err(Failure::broken(error)),
+                            session = service.next() => session.map(Event::Came).map_err(Failure::bad_input),
+                            Some(end) = ends.recv() => end.map(Event::Ended).map_err(Failure::broken),
+                            time = none_came => {
+                                let seconds = time.as_secs_f64();
+                                Err(Failure::broken(format!("no display has come within {seconds} s")))
+                            }
                         }
                     };
                     let next = serving.manager.watching(&net, stop.unless_requested(next));
-                    let Some(session) = self.runtime.block_on(next) else {
+                    let Some(event) = self.runtime.block_on(next) else {
                         return Ok(());
                     };
-                    let session = session?;
+                    let session = match event? {
+                        Event::Came(session) => session,
+                        // A display that has come again has ended its old session.
+                        Event::Ended(end) if self.for_one_session.is_some() && serving.is_idle() => {
+                            return match end {
+                                End::Clean => Ok(()),
+                                End::Lost => Err(Failure::broken("the session has ended without its display")),
+                            };
+                        }
+                        Event::Ended(_) => continue,
+                    };
                     let (key, (stopper, over)) = (session.key, Stop::new());
                     sessions.retain(|session| !session.is_over());
                     // A display that comes again has no use for its old session, and does not hear its end.
                     sessions.iter().filter(|old| old.key == key).for_each(|old| old.stopper.insist());
-                    let (turns, failed, over_here) = (turns.clone(), failed.clone(), over.clone());
+                    let (turns, ended, over_here) = (turns.clone(), ended.clone(), over.clone());
+                    let served = serving.one_more();
                     let play = move |session| {
-                        let played = AssertUnwindSafe(|| {
-                            let _served = serving.one_more();
-                            self.play(session, &turns, stop, &over_here)
-                        });
+                        let played = AssertUnwindSafe(|| self.play(session, &turns, stop, &over_here));
                         // The panic hook has already printed other panics on standard error.
-                        if let Ok(Err(error)) = panic::catch_unwind(played) {
-                            let _ended = failed.send(error);
-                        }
+                        let end = panic::catch_unwind(played).unwrap_or(Ok(End::Lost));
+                        drop(served);
+                        let _nobody_waits = ended.send(end);
                     };
                     match spawn(scope, thread::Builder::new().name("session".to_owned()), session, play) {
                         Ok(thread) => sessions.push(Running { key, stopper, thread }),
@@ -180,7 +186,7 @@ impl Host<'_> {
     }
 
     /// Plays a session. An error ends all sessions: the device is lost, or hangs.
-    fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<(), RoleError> {
+    fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<End, RoleError> {
         let Self { file, drawn, runtime, metrics, limits, .. } = self;
         let watching = metrics.links().watch("display", &session.display);
         let (name, stats) = (watching.peer(), session.display.stats.clone());
@@ -199,11 +205,12 @@ impl Host<'_> {
         match played {
             Err(error) if error.device_failure().is_none() => {
                 tracing::warn!(target: SAID, "{name} is gone after {frames} frames: {}", causes(&error));
-                Ok(())
+                Ok(End::Lost)
             }
-            played => {
+            Err(error) => Err(error),
+            Ok(()) => {
                 tracing::info!(display = name, frames, "has left");
-                played
+                Ok(End::Clean)
             }
         }
     }
@@ -213,20 +220,6 @@ impl Host<'_> {
         tracing::warn!(target: SAID, "turned a display away: the system gives no thread: {cause}");
         let over = over.clone();
         self.runtime.spawn(async move { session.turn_away(RoleError::Thread(cause), &over).await });
-    }
-}
-
-/// Tells when a limit of this listener is reached, at most once a minute.
-async fn told_of_limits(net: TokioNet, listener: ListenerStats) {
-    let mut before = TurnedAwayReading::default();
-    loop {
-        sleep_until(&net, net.now().after(Duration::from_secs(1))).await;
-        let now = TurnedAwayReading::of(&[listener.clone()]);
-        if now != before {
-            tracing::warn!(target: SAID, "turned away since the start, by limit: {now}");
-            before = now;
-            sleep_until(&net, net.now().after(Duration::from_secs(59))).await;
-        }
     }
 }
 

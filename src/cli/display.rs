@@ -67,6 +67,8 @@ pub(super) struct Cullers {
     pub(super) listener: Option<Listener>,
     /// All of them as they come, if the search has begun.
     pub(super) sought: Option<Peers>,
+    /// How many to wait for, if not for those that it connects to.
+    pub(super) awaited: Option<u8>,
 }
 
 /// A scene of which a display has only what cullers send.
@@ -234,7 +236,7 @@ impl<'s> DisplaySession<'s> {
 
     /// Waits, up to its timeout, for the cullers that it connects to; it goes on looking for the others.
     async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
-        let Cullers { endpoints: peers, listener, sought } = &mut self.cullers;
+        let Cullers { endpoints: peers, listener, sought, awaited } = &mut self.cullers;
         let endpoints: Vec<_> = peers.iter().map(|peer| peer.endpoint.clone()).collect();
         let scene = self.empty.is_none().then_some(&*self.walk.file.scene);
         let mut seek = || {
@@ -243,8 +245,9 @@ impl<'s> DisplaySession<'s> {
         };
         let mut cullers = sought.take().unwrap_or_else(&mut seek);
         let deadline = self.net.now().after(self.join_timeout);
+        let awaited = awaited.map_or(cullers.expected(), usize::from);
         let mut came = Vec::new();
-        while came.len() < cullers.expected() {
+        while came.len() < awaited {
             match until(&*self.net, deadline, cullers.next()).await {
                 Some(arrival) => came.push(arrival.map_err(Failure::bad_input)?),
                 None => {
@@ -254,10 +257,9 @@ impl<'s> DisplaySession<'s> {
                         Some(why) => format!("{endpoint} ({why})"),
                         None => format!("{endpoint} (no answer yet)"),
                     };
-                    let missing: Vec<_> = missing.map(named).collect();
-                    let (count, all) = (missing.len(), endpoints.len());
-                    let missing = missing.join(", ");
-                    tracing::warn!(target: SAID, "begins without {count} of {all} cullers: {missing}");
+                    let missing = missing.map(named).collect::<Vec<_>>().join(", ");
+                    let count = awaited - came.len();
+                    tracing::warn!(target: SAID, "begins without {count} of {awaited} cullers: {missing}");
                     break;
                 }
             }

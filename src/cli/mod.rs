@@ -30,13 +30,16 @@ mod output;
 mod ping;
 mod processes;
 mod progress;
+mod reconfigure;
 mod recording;
 mod relay;
+mod reload;
 mod report;
 mod role;
 mod role_check;
 mod run;
 mod serve;
+mod served;
 mod service_manager;
 #[cfg(feature = "lab")]
 mod sim;

@@ -134,6 +134,7 @@ impl CullerProcesses {
                 // They serve only this display, which may use all that the device can do.
                 max_picture: "65536x65536".to_owned(),
                 depth_memory: Some(ByteSize::tib(1)),
+                for_one_session: false,
                 gpu: GpuConfig {
                     device: args.walk.device.clone(),
                     gpu_memory: args.walk.gpu_memory,

@@ -4,7 +4,7 @@ use std::{fs, path::Path, sync::Arc};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{ConfigError, RelayConfig, RoleNeeds as _, WatcherConfig},
+    config::{ConfigError, RelayConfig, WatcherConfig},
     metrics::Metrics,
     vulkan::VulkanDisplay,
 };
@@ -14,27 +14,27 @@ use trimaran_actors::{
 };
 use trimaran_cull::{Image, RgbImage};
 use trimaran_proto::{FrameNumber, Identity, LodRule, Role, Settings, Viewport};
-use trimaran_transport::{Endpoint, Endpoints, Options};
+use trimaran_transport::{Endpoint, Endpoints};
 
 use super::{
     Failure,
     log::SAID,
+    reconfigure::Live,
+    role::{Configured, no_sessions},
     service_manager::ServiceManager,
     walking::{Start, opened, role_gpu, scene, upload},
 };
 
 /// Passes on frames until it is stopped.
 pub(super) fn relay(
-    (config, options): &(RelayConfig, Options),
-    until_input_ends: bool,
+    Configured { config, options, until_input_ends, reconfigure }: Configured<RelayConfig>,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let known = config.security(options).map_err(Failure::bad_input)?;
-    let options = options.clone().with_security(known);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(server) = start.metrics("relay", &config.common, &options)? else { return Ok(()) };
     let endpoint = the_one("upstream", &config.upstream)?;
     let upstream = PeerEndpoint { endpoint, options: options.clone() };
+    let peers = options.security.as_ref().map(|security| security.peers.clone());
     let at = RelayEndpoints { upstream, listen: config.listen.clone(), options };
     let links = server.metrics.links().clone();
     let watch: trimaran_actors::WatchLink = Arc::new(move |kind, link| Box::new(links.watch(kind, link)));
@@ -46,6 +46,9 @@ pub(super) fn relay(
     if !until_input_ends {
         tracing::info!(target: SAID, "the relay listens on {}", relay.endpoints());
     }
+    let metrics = server.metrics.clone();
+    let live = Live { metrics, peers, limits: Some(relay.limits()), sessions: None };
+    let _reconfigured = reconfigure.begin(live, no_sessions, runtime);
     let manager = ServiceManager::of_this_process();
     server.metrics.ready();
     manager.ready(&format!("passes on what {} sends", config.upstream));
@@ -55,12 +58,9 @@ pub(super) fn relay(
 
 /// Draws the frames of a relay until it is stopped.
 pub(super) fn watcher(
-    (config, options): &(WatcherConfig, Options),
-    until_input_ends: bool,
+    Configured { config, mut options, until_input_ends, reconfigure }: Configured<WatcherConfig>,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let known = config.security(options).map_err(Failure::bad_input)?;
-    let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(server) = start.metrics("watcher", &config.common, &options)? else { return Ok(()) };
@@ -89,6 +89,9 @@ pub(super) fn watcher(
         turns: Turns::at_once(),
     };
     let metrics = server.metrics.clone();
+    let peers = options.security.as_ref().map(|security| security.peers.clone());
+    let live = Live { metrics: metrics.clone(), peers, limits: None, sessions: None };
+    let _reconfigured = reconfigure.begin(live, no_sessions, runtime);
     metrics.opened(opened(&file, &drawn));
     metrics.has_places(1);
     metrics.ready();

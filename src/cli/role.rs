@@ -4,12 +4,14 @@ use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{CullerConfig, DisplayConfig, RoleConfig, RoleNeeds as _},
+    config::{CullerConfig, DisplayConfig, RoleConfig, RoleNeeds},
     culling::CullingMethod,
     report::{Run, Writer, schema::Machine},
     walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
 };
-use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
+use trimaran_actors::{
+    CullerService, Listener, PeerEndpoint, ServiceEndpoints, SessionLimits, Turns, max_frame,
+};
 use trimaran_gpu::Gpu;
 use trimaran_proto::{BatchSize, Identity, LodRule, SessionKey, SettingsError, Viewport};
 use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until, until};
@@ -19,8 +21,9 @@ use super::{
     args::{RoleArgs, RoleCommand},
     culling::{Host, largest, limits},
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
-    log::SAID,
+    log::{Filter, SAID},
     progress,
+    reconfigure::{Live, Reconfigure},
     recording::{self, Outcome, Recording, open_folder},
     relay,
     service_manager::ServiceManager,
@@ -32,18 +35,10 @@ const LETTING_GO: Duration = Duration::from_millis(50);
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     match command {
-        RoleCommand::Culler(args) => {
-            on_runtime(|runtime| culler(&load(args)?, args.until_input_ends, runtime))
-        }
-        RoleCommand::Display(args) => {
-            on_runtime(|runtime| display(&load(args)?, args.until_input_ends, runtime))
-        }
-        RoleCommand::Relay(args) => {
-            on_runtime(|runtime| relay::relay(&load(args)?, args.until_input_ends, runtime))
-        }
-        RoleCommand::Watcher(args) => {
-            on_runtime(|runtime| relay::watcher(&load(args)?, args.until_input_ends, runtime))
-        }
+        RoleCommand::Culler(args) => on_runtime(|runtime| culler(load(args, runtime)?, runtime)),
+        RoleCommand::Display(args) => on_runtime(|runtime| display(load(args, runtime)?, runtime)),
+        RoleCommand::Relay(args) => on_runtime(|runtime| relay::relay(load(args, runtime)?, runtime)),
+        RoleCommand::Watcher(args) => on_runtime(|runtime| relay::watcher(load(args, runtime)?, runtime)),
     }
 }
 
@@ -57,21 +52,39 @@ fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), 
     result
 }
 
-fn load<C: RoleConfig>(args: &RoleArgs<C::Layer>) -> Result<(C, Options), Failure>
+/// A role's configuration.
+pub(super) struct Configured<C: RoleConfig>
 where
-    C::Layer: clap::Args + Clone,
+    C::Layer: clap::Args,
 {
-    C::load(args.flags.clone(), &args.links.options, args.config.as_deref()).map_err(Failure::bad_input)
+    pub(super) config: C,
+    /// The options of its links, with the keys.
+    pub(super) options: Options,
+    pub(super) until_input_ends: bool,
+    pub(super) reconfigure: Reconfigure<C::Layer>,
+}
+
+fn load<C: RoleConfig + RoleNeeds>(
+    args: &RoleArgs<C::Layer>,
+    runtime: &Runtime,
+) -> Result<Configured<C>, Failure>
+where
+    C::Layer: clap::Args + Clone + Send + Sync + 'static,
+{
+    let (config, options): (C, _) = args.load()?;
+    if let Some(log) = &config.common().log {
+        Filter::new(Some(log))?.set();
+    }
+    let security = config.security(&options).map_err(Failure::bad_input)?;
+    let (options, until_input_ends) = (options.with_security(security), args.until_input_ends);
+    Ok(Configured { config, options, until_input_ends, reconfigure: Reconfigure::listen(args, runtime)? })
 }
 
 /// A culler: serves displays until it is stopped.
 fn culler(
-    (config, options): &(CullerConfig, Options),
-    until_input_ends: bool,
+    Configured { config, mut options, until_input_ends, reconfigure }: Configured<CullerConfig>,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let known = config.security(options).map_err(Failure::bad_input)?;
-    let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::of_service(runtime, config.common.join_timeout_s, until_input_ends)?;
     let Some(server) = start.metrics("culler", &config.common, &options)? else { return Ok(()) };
@@ -94,24 +107,36 @@ fn culler(
     if let Some(endpoints) = service.endpoints().filter(|_| !until_input_ends) {
         tracing::info!(target: SAID, "the culler listens on {endpoints}");
     }
-    let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
-    let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
+    let of_sessions = {
+        let drawn = Arc::clone(&drawn);
+        move |config: &CullerConfig| {
+            let picture =
+                config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
+            Ok(limits(&drawn, largest(&drawn, picture), config.depth_memory))
+        }
+    };
+    let limits = of_sessions(&config)?;
     let (metrics, places) = (server.metrics.clone(), options.limits.peers);
-    let method = config.culling;
-    let host = Host { file: &file, drawn: &drawn, runtime, metrics, method, limits, places, pages: None };
+    let live = Live {
+        metrics: metrics.clone(),
+        peers: options.security.as_ref().map(|security| security.peers.clone()),
+        limits: service.listener().map(|listener| listener.limits.clone()),
+        sessions: Some(limits.clone()),
+    };
+    let _reconfigured = reconfigure.begin(live, of_sessions, runtime);
+    let for_one_session = config.for_one_session.then_some(start.join_timeout);
+    let (method, pages, file, drawn) = (config.culling, None, &file, &drawn);
+    let host = Host { file, drawn, runtime, metrics, method, limits, places, pages, for_one_session };
     host.serve(service, &start.stop)
 }
 
 /// The display of a deployment: finds its cullers, walks the path, writes the report.
 fn display(
-    (config, options): &(DisplayConfig, Options),
-    until_input_ends: bool,
+    Configured { config, mut options, until_input_ends, reconfigure }: Configured<DisplayConfig>,
     runtime: &Runtime,
 ) -> Result<(), Failure> {
-    let plan = session_plan(config)?;
+    let plan = session_plan(&config)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
-    let known = config.security(options).map_err(Failure::bad_input)?;
-    let mut options = options.clone().with_security(known);
     let gpu = role_gpu(&config.gpu);
     let start = Start::new(runtime, config.common.join_timeout_s, until_input_ends);
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
@@ -119,7 +144,7 @@ fn display(
     };
     let Some(metrics) = start.metrics("display", &config.common, &options)? else { return Ok(()) };
     let Some(path) = &config.scene else {
-        return display_without_scene(config, options, &plan, (folder, metrics), &start);
+        return display_without_scene(&config, options, &plan, (folder, metrics), reconfigure, &start);
     };
     let Some(file) = start.until(async || scene(path))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
@@ -156,10 +181,12 @@ fn display(
     if let Some(listener) = &listener {
         tracing::info!(target: SAID, "the display listens on {}", listener.local_endpoints());
     }
+    let _reconfigured = reconfigure.begin(live(&metrics, &options, listener.as_ref()), no_sessions, runtime);
     let roles = vec![role_info(Machine::Display, &drawn)];
     let about = about(walk, &config.session.path, config.session.seed, roles);
-    // A live walk does not wait.
-    let join_timeout = if config.session.live_hz.is_some() { Duration::ZERO } else { start.join_timeout };
+    // A live walk does not wait unless it is asked to.
+    let waits = config.session.live_hz.is_none() || config.await_cullers.is_some();
+    let join_timeout = if waits { start.join_timeout } else { Duration::ZERO };
     let session = DisplaySession {
         walk,
         about: Run { started: progress.started.clone().unwrap_or(about.started), ..about },
@@ -174,6 +201,7 @@ fn display(
             endpoints: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
             listener,
             sought: None,
+            awaited: config.await_cullers,
         },
         empty,
         turns: Turns::at_once(),
@@ -202,6 +230,7 @@ fn display_without_scene(
     mut options: Options,
     plan: &Plan,
     (folder, metrics): (Writer, MetricsServer),
+    reconfigure: Reconfigure<<DisplayConfig as confique::Config>::Layer>,
     start: &Start<'_>,
 ) -> Result<(), Failure> {
     // The number of ids in a frame is not known, and not checked, before the first culler has come.
@@ -216,6 +245,7 @@ fn display_without_scene(
         None => Ok(None),
     };
     let Some(listener) = start.until(listening)? else { return Ok(()) };
+    let _reconfigured = reconfigure.begin(live(&metrics, &options, listener.as_ref()), no_sessions, runtime);
     let from =
         config.cullers.iter().chain(&config.listen).map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
@@ -257,17 +287,33 @@ fn display_without_scene(
         empty: Some(empty),
         about,
         folder: Some(folder),
-        join_timeout: Duration::ZERO,
+        // The first culler has come.
+        join_timeout: if config.await_cullers.is_some() { start.join_timeout } else { Duration::ZERO },
         metrics,
         trace: config.record.clone(),
         net: Arc::clone(&start.net),
         key,
         progress: None,
-        cullers: Cullers { endpoints, listener: None, sought: Some(peers) },
+        cullers: Cullers { endpoints, listener: None, sought: Some(peers), awaited: config.await_cullers },
         turns: Turns::at_once(),
         bar: Some(progress::walk(plan.pace, &path)),
     };
     shown_and_reported(session, start)?.map_or(Ok(()), |reported| reported.conclude(&config.out, false))
+}
+
+/// What a display's configuration may change.
+fn live(server: &MetricsServer, options: &Options, listener: Option<&Listener>) -> Live {
+    Live {
+        metrics: server.metrics.clone(),
+        peers: options.security.as_ref().map(|security| security.peers.clone()),
+        limits: listener.map(Listener::limits),
+        sessions: None,
+    }
+}
+
+/// The sessions' limits of a role that serves none.
+pub(super) fn no_sessions<C>(_: &C) -> Result<SessionLimits, Failure> {
+    Ok(SessionLimits::none())
 }
 
 /// Listens for cullers that come by themselves.

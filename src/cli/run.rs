@@ -135,7 +135,7 @@ pub(super) fn record<'w>(
         key: SessionKey(net.random().map_err(Failure::broken)?),
         progress: None,
         net,
-        cullers: Cullers { endpoints: Vec::new(), listener: None, sought: None },
+        cullers: Cullers { endpoints: Vec::new(), listener: None, sought: None, awaited: None },
         empty,
         turns: turns.clone(),
         bar,

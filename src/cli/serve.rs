@@ -109,7 +109,8 @@ impl Service<'_> {
         let limits = limits(&drawn, max_picture, depth_memory);
         let (metrics, pages) = (server.metrics.clone(), Some(pages));
         let (file, drawn, runtime) = (&file, &drawn, &runtime);
-        let host = Host { file, drawn, runtime, metrics, method, limits, places, pages };
+        let host =
+            Host { file, drawn, runtime, metrics, method, limits, places, pages, for_one_session: None };
         let (driven, mut report) = oneshot::channel();
         runtime.spawn(async move {
             if let Some(report) = reported.recv().await {

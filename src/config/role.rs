@@ -59,6 +59,14 @@ pub struct CullerConfig {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_memory: Option<ByteSize>,
+    /// Whether the culler ends with its first display, as a job of a scheduler does: with exit code 0 if that
+    /// has finished, and 1 if it was lost or has not come within `join_timeout_s`.
+    #[config(
+        env = "TRIMARAN_FOR_ONE_SESSION",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
+    pub for_one_session: bool,
     /// The graphics device.
     #[config(nested, layer_attr(command(flatten)))]
     #[serde(flatten)]
@@ -147,6 +155,15 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub listen: Option<Endpoints>,
+    /// How many cullers to wait for at the start, up to `join_timeout_s`, those that connect by themselves among
+    /// them. By default those that `cullers` names, and none in a live session.
+    #[config(
+        env = "TRIMARAN_AWAIT_CULLERS",
+        validate(*await_cullers <= 8, "give a number up to 8"),
+        layer_attr(arg(long = "await", value_name = "N", value_parser = clap::value_parser!(u8).range(..=8)))
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub await_cullers: Option<u8>,
     /// How frames are dealt: `independent`, where no culler waits for another one, or the paper's `switch`,
     /// where each of two draws what the other one finds.
     #[config(

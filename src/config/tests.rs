@@ -70,6 +70,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
         culling: CullingMethod::GigaWalk,
         max_picture: "640x480".to_owned(),
         depth_memory: Some(bytesize::ByteSize::tib(1)),
+        for_one_session: true,
         gpu: GpuConfig {
             device: None,
             gpu_memory: Some(bytesize::ByteSize::mib(64)),

@@ -24,6 +24,7 @@ mod metrics;
 mod partition;
 mod ping;
 mod rejoin;
+mod reload;
 mod relay;
 #[cfg(target_os = "linux")]
 mod requests;

@@ -14,7 +14,7 @@ use std::{fmt, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{CloseCode, Identity, Role, SceneOutline, Walkthrough};
-use trimaran_transport::{AcceptError, Endpoints, ListenError, Net, Options, PeerAddress, connect, until};
+use trimaran_transport::{AcceptError, Endpoints, ListenError, ListenerLimits, Net, Options, PeerAddress, connect, until};
 
 use crate::{
     join::{JoinError, PeerEndpoint},
@@ -110,6 +110,12 @@ impl Relay {
     #[must_use]
     pub fn endpoints(&self) -> &Endpoints {
         self.listener.local_endpoints()
+    }
+
+    /// The limits of its listener.
+    #[must_use]
+    pub fn limits(&self) -> ListenerLimits {
+        self.listener.limits()
     }
 
     /// Passes on frames until `stop` asks. When upstream is lost, displays stay, and their pictures go on
