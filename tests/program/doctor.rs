@@ -27,8 +27,8 @@ fn bench_with_keys() -> Bench {
     bench
 }
 
-/// Whoever runs the tests: doctor would check as the user of the services where that is installed.
-fn as_present_user() -> &'static [&'static str] {
+/// The flags for checks as the user of the tests, also where the services and their user are installed.
+pub(crate) fn as_present_user() -> &'static [&'static str] {
     if nix::unistd::geteuid().is_root() { &["--user", "root"] } else { &[] }
 }
 

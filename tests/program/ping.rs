@@ -3,6 +3,7 @@
 use std::{fs, process::Output, thread, time::Duration};
 
 use crate::common::program::{Bench, Process, printed};
+use crate::doctor::as_present_user;
 
 /// The answering end; it ends with the test.
 struct Answering<'b> {
@@ -83,7 +84,7 @@ fn nobody_there_is_said_in_the_timeouts_time() {
     assert!(said(&bare).contains("trimaran keys new"), "{}", said(&bare));
 }
 
-/// It takes part in nothing: the display's report has no culler.
+/// A ping and a check take part in nothing: the display's report has no culler.
 #[test]
 fn a_role_that_answers_is_success() {
     let bench = Bench::with_plant(60);
@@ -95,14 +96,27 @@ fn a_role_that_answers_is_success() {
     let mut culler = bench.start(&[&["role", "culler"], &scene[..]].concat());
     let size = ["--width", "32", "--height", "32", "--live", "1", "--out", "walk"];
     let mut display = bench.start(&[&["role", "display"], &scene[..], &size[..]].concat());
-    for (role, process) in [("culler", &mut culler), ("display", &mut display)] {
-        let at = listens(process);
-        let said = bench.done(&["ping", &at]);
+    let at = [&mut culler, &mut display].map(listens);
+    for (role, at) in ["culler", "display"].into_iter().zip(&at) {
+        let said = bench.done(&["ping", at]);
         assert!(said.starts_with(&format!("{at}: a {role} answers in ")), "{said}");
-        let json = bench.done(&["ping", &at, "--json"]);
+        let json = bench.done(&["ping", at, "--json"]);
         let answer: serde_json::Value = serde_json::from_str(&json).unwrap();
         assert_eq!(answer["role"], role, "{answer}");
         assert_eq!(answer["scene"].is_string(), role == "culler", "{answer}");
+    }
+    let file = format!(
+        "scene = 'plant.scene'\nlisten = 'tcp://127.0.0.1:0'\ndisplays = '{}'\ncullers = '{}'\n",
+        at[1], at[0]
+    );
+    bench.write("two.toml", file);
+    let found = bench.trimaran(&[&["doctor", "--config", "two.toml"], as_present_user()].concat());
+    let lines = String::from_utf8_lossy(&found.stdout);
+    for peer in [
+        format!("peer    displays: {} is a display\n", at[1]),
+        format!("peer    cullers: {} is a culler, which has the same scene\n", at[0]),
+    ] {
+        assert!(lines.contains(&peer), "{lines}");
     }
     culler.signal("TERM");
     culler.ends(0);

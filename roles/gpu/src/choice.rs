@@ -89,8 +89,7 @@ impl fmt::Display for DeviceChoice {
 
 /// A device as it is listed, on this PCI bus. Its UUID begins with the bus.
 #[cfg(test)]
-pub(crate) fn listed(name: &str, bus: impl Into<Option<u8>>) -> GpuInfo {
-    let bus: Option<u8> = bus.into();
+pub(crate) fn listed(name: &str, bus: Option<u8>) -> GpuInfo {
     let mut uuid = [name.len() as u8; 16];
     uuid[0] = bus.unwrap_or_default();
     GpuInfo {
@@ -116,7 +115,7 @@ mod tests {
 
     #[test]
     fn two_equal_cards_are_two_devices_by_number_uuid_or_address() {
-        let found = [listed("NVIDIA H200", 0x5e), listed("NVIDIA H200", 0x3b), listed("llvmpipe", None)];
+        let found = [listed("NVIDIA H200", Some(0x5e)), listed("NVIDIA H200", Some(0x3b)), listed("llvmpipe", None)];
         let uuid = |place: usize| found[place].uuid.to_string();
         let place = |text: &str| DeviceChoice::from(text).place(&found).unwrap();
         for (first, second) in [
@@ -134,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_device_that_is_not_there_is_named_beside_those_that_are() {
-        let found = [listed("NVIDIA H200", 0x5e), listed("llvmpipe", None)];
+        let found = [listed("NVIDIA H200", Some(0x5e)), listed("llvmpipe", None)];
         for wanted in ["#2", "0000:3b:00.0", "8f6a1234-5678-9abc-def0-0123456789ab", "Voodoo 2", "#one"] {
             let error = DeviceChoice::from(wanted).place(&found).unwrap_err().to_string();
             let expected =
@@ -147,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_device_that_was_asked_for_and_cannot_be_used_is_an_error() {
-        let mut found = [listed("NVIDIA H200", 0x5e), listed("old", 0x3b)];
+        let mut found = [listed("NVIDIA H200", Some(0x5e)), listed("old", Some(0x3b))];
         found[1].missing = vec!["Vulkan 1.3"];
         for wanted in ["#1", "old", "0000:3b:00.0"] {
             let error = DeviceChoice::from(wanted).place(&found).unwrap_err();

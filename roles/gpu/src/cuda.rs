@@ -114,7 +114,7 @@ mod tests {
 
     /// As Vulkan may list them: not by address, and the CPU's driver last.
     fn two_equal_cards() -> Vec<GpuInfo> {
-        vec![listed("NVIDIA H200", 0x5e), listed("NVIDIA H200", 0x3b), listed("llvmpipe", None)]
+        vec![listed("NVIDIA H200", Some(0x5e)), listed("NVIDIA H200", Some(0x3b)), listed("llvmpipe", None)]
     }
 
     #[test]
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn numbers_of_different_cards_are_followed_by_address_alone() {
-        let found = [listed("NVIDIA L4", 0x5e), listed("NVIDIA H200", 0x3b)];
+        let found = [listed("NVIDIA L4", Some(0x5e)), listed("NVIDIA H200", Some(0x3b))];
         assert_eq!(place("0", None, &found), Err(NotFollowed::Order(0)));
         assert_eq!(place("0", Some("FASTEST_FIRST"), &found), Err(NotFollowed::Order(0)));
         assert_eq!(place("0", Some("PCI_BUS_ID"), &found), Ok(1));
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_card_with_two_drivers_is_one_card() {
-        let found = [listed("NVIDIA L4", 0x3b), listed("NVIDIA L4 (NVK AD104)", 0x3b), listed("NVIDIA L4", 0x5e)];
+        let found = [listed("NVIDIA L4", Some(0x3b)), listed("NVIDIA L4 (NVK AD104)", Some(0x3b)), listed("NVIDIA L4", Some(0x5e))];
         assert_eq!([place("0", None, &found), place("1", None, &found)], [Ok(0), Ok(2)]);
     }
 

@@ -105,10 +105,12 @@ fn locked(node: &Path, user: &str) -> Option<String> {
         return None;
     }
     let (mode, gid) = fs::metadata(node).map(|about| (about.mode(), about.gid())).unwrap_or_default();
-    let remedy = match mode {
-        _ if mode & 0o006 == 0o006 => "its container or control group has to grant it".to_owned(),
-        _ if mode & 0o060 == 0o060 && gid != 0 => format!("usermod -aG {} {user}", group(gid)),
-        _ => "a rule of udev has to let a group of this user open it".to_owned(),
+    let remedy = if mode & 0o006 == 0o006 {
+        "its container or control group has to grant it".to_owned()
+    } else if mode & 0o060 == 0o060 && gid != 0 {
+        format!("usermod -aG {} {user}", group(gid))
+    } else {
+        "a rule of udev has to let a group of this user open it".to_owned()
     };
     Some(format!("{user} may not open {}{}: {remedy}", node.display(), owned(node)))
 }

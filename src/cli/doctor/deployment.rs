@@ -99,7 +99,7 @@ const fn open_files() -> Option<u64> {
     None
 }
 
-#[cfg(test)]
+#[cfg(all(test, target_os = "linux"))]
 mod tests {
     use trimaran::config::RoleName;
 
