@@ -9,18 +9,19 @@ use trimaran::{
     vulkan::VulkanDisplay,
 };
 use trimaran_actors::{
-    BoxedError, CullerEvent, Observer, PeerEndpoint, Peers, PeersConfig, Relay, RelayEndpoints, RelayError,
+    BoxedError, CullerEvent, ListenerHandles, Observer, PeerEndpoint, Peers, PeersConfig, Relay, RelayEndpoints, RelayError,
     RoleError, ScenePictures, ShownFrame, Turns, WatcherRole, max_frame,
 };
 use trimaran_cull::{Image, RgbImage};
 use trimaran_proto::{FrameNumber, Identity, LodRule, Role, Settings, Viewport};
-use trimaran_transport::{Endpoint, Endpoints};
+use trimaran_transport::{Endpoint, Endpoints, TokioNet};
 
 use super::{
     Failure,
     log::SAID,
     reconfigure::Live,
     role::{Configured, no_sessions},
+    served::told_of_limits,
     service_manager::ServiceManager,
     walking::{Start, opened, role_gpu, scene, upload},
 };
@@ -47,7 +48,10 @@ pub(super) fn relay(
         tracing::info!(target: SAID, "the relay listens on {}", relay.endpoints());
     }
     let metrics = server.metrics.clone();
-    let live = Live { metrics, peers, limits: Some(relay.limits()), sessions: None };
+    let ListenerHandles { stats, limits } = relay.listener();
+    metrics.links().listens(stats.clone());
+    runtime.spawn(told_of_limits(TokioNet::new(runtime.handle().clone()), stats));
+    let live = Live { metrics, peers, limits: Some(limits), sessions: None };
     let _reconfigured = reconfigure.begin(live, no_sessions, runtime);
     let manager = ServiceManager::of_this_process();
     server.metrics.ready();

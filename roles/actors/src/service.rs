@@ -68,6 +68,14 @@ pub struct ListenerHandles {
     pub limits: ListenerLimits,
 }
 
+impl ListenerHandles {
+    /// Of this listener.
+    #[must_use]
+    pub fn of(listener: &Listener) -> Self {
+        Self { stats: listener.stats(), limits: listener.limits() }
+    }
+}
+
 /// Where a culler finds its displays.
 #[derive(Debug, Clone)]
 pub struct ServiceEndpoints {
@@ -115,9 +123,7 @@ impl CullerService {
             None => None,
         };
         let endpoints = listener.as_ref().map(|listener| listener.local_endpoints().clone());
-        let handles = listener
-            .as_ref()
-            .map(|listener| ListenerHandles { stats: listener.stats(), limits: listener.limits() });
+        let handles = listener.as_ref().map(ListenerHandles::of);
         let expected = Expected::default();
         // The listener holds them to its limit, which may change.
         let most = usize::MAX;

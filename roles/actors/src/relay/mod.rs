@@ -14,11 +14,12 @@ use std::{fmt, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{CloseCode, Identity, Role, SceneOutline, Walkthrough};
-use trimaran_transport::{AcceptError, Endpoints, ListenError, ListenerLimits, Net, Options, PeerAddress, connect, until};
+use trimaran_transport::{AcceptError, Endpoints, ListenError, Net, Options, PeerAddress, connect, until};
 
 use crate::{
     join::{JoinError, PeerEndpoint},
     links::{Link, Listener},
+    service::ListenerHandles,
     stop::Stop,
 };
 
@@ -112,10 +113,10 @@ impl Relay {
         self.listener.local_endpoints()
     }
 
-    /// The limits of its listener.
+    /// Its listener.
     #[must_use]
-    pub fn limits(&self) -> ListenerLimits {
-        self.listener.limits()
+    pub fn listener(&self) -> ListenerHandles {
+        ListenerHandles::of(&self.listener)
     }
 
     /// Passes on frames until `stop` asks. When upstream is lost, displays stay, and their pictures go on
