@@ -67,6 +67,7 @@ pub(super) fn load(file: &Path, role: Option<RoleName>) -> (Vec<Finding>, Option
 }
 
 fn known(Security { keys, peers }: &Security) -> String {
+    let peers = peers.now();
     let names: Vec<_> = peers.iter().map(|peer| peer.keys.name.as_str()).collect();
     format!("this machine is {}, and knows {}", keys.public().name, names.join(", "))
 }
