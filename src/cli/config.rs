@@ -15,7 +15,7 @@ pub(super) fn run(command: &ConfigCommand) -> Result<(), Failure> {
         ConfigCommand::Relay => RoleName::Relay,
         ConfigCommand::Watcher => RoleName::Watcher,
         ConfigCommand::Check(CheckArgs { file, role, json }) => {
-            return finding::conclude(&role_check::check(file, *role).findings, *json);
+            return finding::conclude(&role_check::check(file, *role), *json);
         }
     };
     print!("{}", role.template());

@@ -52,7 +52,7 @@ pub(super) fn relay(
     metrics.links().listens(stats.clone());
     runtime.spawn(told_of_limits(TokioNet::new(runtime.handle().clone()), stats));
     let live = Live { metrics, peers, limits: Some(limits), sessions: None };
-    let _reconfigured = reconfigure.begin(live, no_sessions, runtime);
+    let _reconfigured = reconfigure.begin(live, no_sessions::<RelayConfig>, runtime);
     let manager = ServiceManager::of_this_process();
     server.metrics.ready();
     manager.ready(&format!("passes on what {} sends", config.upstream));
@@ -77,6 +77,7 @@ pub(super) fn watcher(
     let display = VulkanDisplay::new(&drawn, settings.viewport).map_err(Failure::broken)?;
     let outline = file.scene.outline();
     let endpoint = the_one("relay", &config.relay)?;
+    let peers = options.security.as_ref().map(|security| security.peers.clone());
     let sought = PeersConfig {
         identity: Identity { role: Role::Display, scene: Some(outline), session: None },
         role: Role::Relay,
@@ -93,9 +94,8 @@ pub(super) fn watcher(
         turns: Turns::at_once(),
     };
     let metrics = server.metrics.clone();
-    let peers = options.security.as_ref().map(|security| security.peers.clone());
     let live = Live { metrics: metrics.clone(), peers, limits: None, sessions: None };
-    let _reconfigured = reconfigure.begin(live, no_sessions, runtime);
+    let _reconfigured = reconfigure.begin(live, no_sessions::<WatcherConfig>, runtime);
     metrics.opened(opened(&file, &drawn));
     metrics.has_places(1);
     metrics.ready();

@@ -181,7 +181,8 @@ fn display(
     if let Some(listener) = &listener {
         tracing::info!(target: SAID, "the display listens on {}", listener.local_endpoints());
     }
-    let _reconfigured = reconfigure.begin(live(&metrics, &options, listener.as_ref()), no_sessions, runtime);
+    let live = live(&metrics, &options, listener.as_ref());
+    let _reconfigured = reconfigure.begin(live, no_sessions::<DisplayConfig>, runtime);
     let roles = vec![role_info(Machine::Display, &drawn)];
     let about = about(walk, &config.session.path, config.session.seed, roles);
     // A live walk does not wait unless it is asked to.
@@ -245,7 +246,8 @@ fn display_without_scene(
         None => Ok(None),
     };
     let Some(listener) = start.until(listening)? else { return Ok(()) };
-    let _reconfigured = reconfigure.begin(live(&metrics, &options, listener.as_ref()), no_sessions, runtime);
+    let live = live(&metrics, &options, listener.as_ref());
+    let _reconfigured = reconfigure.begin(live, no_sessions::<DisplayConfig>, runtime);
     let from =
         config.cullers.iter().chain(&config.listen).map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };

@@ -1,6 +1,6 @@
 //! Frames: how many each stage has done, and how long it took.
 
-use std::time::Duration;
+use std::{sync::atomic::AtomicU64, time::Duration};
 
 use prometheus_client::{
     encoding::EncodeLabelSet,
@@ -22,6 +22,8 @@ pub struct FrameMetrics {
     frames: Family<Stage, Counter>,
     seconds: Family<Stage, Histogram, fn() -> Histogram>,
     camera_to_picture: Histogram,
+    /// The sum of these times, which a histogram does not tell, seconds.
+    camera_to_picture_sum: Counter<f64, AtomicU64>,
     late: Counter,
     queued: Gauge,
 }
@@ -51,6 +53,7 @@ impl Default for FrameMetrics {
             frames: Family::default(),
             seconds: Family::new_with_constructor(times),
             camera_to_picture: times(),
+            camera_to_picture_sum: Counter::default(),
             late: Counter::default(),
             queued: Gauge::default(),
         }
@@ -59,7 +62,7 @@ impl Default for FrameMetrics {
 
 impl FrameMetrics {
     pub(super) fn register(&self, registry: &mut Registry) {
-        let Self { frames, seconds, camera_to_picture, late, queued } = self;
+        let Self { frames, seconds, camera_to_picture, late, queued, .. } = self;
         let help = "Frames by stage: or (occluders drawn), hc (culled), shared (culled by another session), rvg (shown)";
         registry.register("frames", help, frames.clone());
         registry.register_with_unit("frame", "Time of a frame by stage", Unit::Seconds, seconds.clone());
@@ -74,7 +77,9 @@ impl FrameMetrics {
         self.queued.set(frame.queued.into());
         if !frame.again {
             self.count(RVG, frame.shown.saturating_sub(frame.drawing));
-            self.camera_to_picture.observe(frame.shown.saturating_sub(frame.published).as_secs_f64());
+            let latency = frame.shown.saturating_sub(frame.published).as_secs_f64();
+            self.camera_to_picture.observe(latency);
+            self.camera_to_picture_sum.inc_by(latency);
         }
     }
 
@@ -94,7 +99,8 @@ impl FrameMetrics {
     }
 
     pub(super) fn latency(&self) -> LatencyReading {
-        LatencyReading { frames: self.camera_to_picture.count(), seconds: self.camera_to_picture.sum() }
+        let [.., frames] = self.counts();
+        LatencyReading { frames, seconds: self.camera_to_picture_sum.get() }
     }
 
     pub(super) fn times_late(&self) -> u64 {

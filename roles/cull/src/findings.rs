@@ -51,6 +51,9 @@ pub enum FalseCullCause {
     NearPlane,
     /// The depth tested against was drawn from the camera of an earlier frame.
     StaleCamera,
+    /// The occluders hide it, by their own surfaces and its own in f64: the driver has drawn it in front of
+    /// them, so the picture without culling is wrong. It does so with triangles seen edge on.
+    HiddenInF64,
     /// The tested depth lies in front of the visible surface: two passes or two devices placed it
     /// differently.
     OccluderTooNear,
@@ -68,14 +71,21 @@ pub enum FalseCullCause {
 }
 
 impl FalseCullCause {
+    /// Whether the picture without culling is wrong, and the one with culling is right.
+    #[must_use]
+    pub const fn is_of_the_driver(self) -> bool {
+        matches!(self, Self::HiddenInF64)
+    }
+
     /// All causes, in the order of tables.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::LevelMismatch,
         Self::PixelCountRule,
         Self::BoxTooSmall,
         Self::OutsideFrustum,
         Self::NearPlane,
         Self::StaleCamera,
+        Self::HiddenInF64,
         Self::OccluderTooNear,
         Self::MissedSamples,
         Self::DepthTie,
@@ -94,6 +104,7 @@ impl FalseCullCause {
             Self::OutsideFrustum => "a box that shows was taken to be outside the frustum",
             Self::NearPlane => "a box across the near plane was tested",
             Self::StaleCamera => "the occluders were drawn from an earlier frame's camera",
+            Self::HiddenInF64 => "it is hidden: the driver draws it in front, where culling is right",
             Self::OccluderTooNear => "an occluder's depth lies in front of its surface",
             Self::MissedSamples => "its box covers none of its pixels",
             Self::DepthTie => "its box lost a depth tie",

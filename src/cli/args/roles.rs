@@ -23,7 +23,7 @@ pub(crate) enum RoleCommand {
 
 /// The arguments of a role. A flag overrides its environment variable, the variable overrides the file, and
 /// the file the default.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct RoleArgs<L: Args> {
     /// The role's configuration (TOML); `trimaran config` prints one with every key.
     #[arg(long, value_name = "F.toml", env = "TRIMARAN_CONFIG")]

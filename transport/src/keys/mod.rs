@@ -69,7 +69,7 @@ impl Security {
     /// All peers have these same keys, and may have any role: for programs of one owner, or a test.
     #[must_use]
     pub fn shared(keys: Keys) -> Self {
-        Self { peers: vec![keys.public().clone().into()], keys }
+        Self { peers: vec![keys.public().clone().into()].into(), keys }
     }
 }
 

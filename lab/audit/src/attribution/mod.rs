@@ -207,6 +207,13 @@ impl<'f, S: Steps> Judge<'f, S> {
         if surface.iter().any(foreign) {
             return Cause::LevelMismatch;
         }
+        let hidden = |point: &SurfacePoint| {
+            let before = occluders.depth().get(point.pixel);
+            before.is_some_and(|&depth| depth > point.depth * (1.0 + point.tolerance))
+        };
+        if !surface.is_empty() && surface.iter().all(hidden) {
+            return Cause::HiddenInF64;
+        }
         let draw = |view: &View, ids: &[DrawableId]| {
             rasterize(frame.scene, view, ids.iter().copied(), Placement::Exact)
         };
