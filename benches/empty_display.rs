@@ -404,7 +404,8 @@ fn profile(rate: &str, delay: &str, loss: &str) -> Outcome<Profile> {
 fn acquainted(max_frame: u32) -> Outcome<[Options; 2]> {
     let (ours, theirs) = (Keys::generate("display".parse()?)?, Keys::generate("culler".parse()?)?);
     let knowing = |keys: &Keys, other: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()].into() });
+        let security =
+            Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()].into() });
         let mut options = Options::default().with_security(security);
         options.link.max_frame = max_frame;
         options

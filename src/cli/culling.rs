@@ -137,7 +137,9 @@ impl Host<'_> {
                         Event::Ended(end) if self.for_one_session.is_some() && serving.is_idle() => {
                             return match end {
                                 End::Clean => Ok(()),
-                                End::Lost => Err(Failure::broken("the session has ended without its display")),
+                                End::Lost => {
+                                    Err(Failure::broken("the session has ended without its display"))
+                                }
                             };
                         }
                         Event::Ended(_) => continue,
@@ -179,9 +181,8 @@ impl Host<'_> {
         let limits = self.limits.clone();
         let memory = move || DeviceMemory { depth: limits.reserved(), ..memory() };
         let (net, pages) = (net.clone(), self.pages.clone());
-        let pages = pages.map(|pages| -> Box<dyn Fn() -> usize + Send + Sync> {
-            Box::new(move || pages.open(net.now()))
-        });
+        let pages = pages
+            .map(|pages| -> Box<dyn Fn() -> usize + Send + Sync> { Box::new(move || pages.open(net.now())) });
         Opened { scene, device, memory: Box::new(memory), pages }
     }
 

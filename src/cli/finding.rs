@@ -77,7 +77,8 @@ pub(super) fn conclude(findings: &[Finding], json: bool) -> Result<(), Failure> 
 
 /// The text in one line, without the excerpt of a file that errors of TOML show.
 fn one_line(text: &str) -> String {
-    let is_excerpt = |line: &&str| line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').starts_with('|');
+    let is_excerpt =
+        |line: &&str| line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').starts_with('|');
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !is_excerpt(line));
     lines.collect::<Vec<_>>().join(": ")
 }
@@ -91,7 +92,10 @@ mod tests {
         let table: Result<toml::Table, _> = "scene = 'a'\nlisten = tcp\n".parse();
         let finding = Finding::wrong("file", format!("one.toml is not valid: {}", table.unwrap_err()));
         let lines = finding.lines();
-        assert!(lines.starts_with("WRONG   file    one.toml is not valid: TOML parse error at line 2"), "{lines}");
+        assert!(
+            lines.starts_with("WRONG   file    one.toml is not valid: TOML parse error at line 2"),
+            "{lines}"
+        );
         assert!(lines.matches('\n').count() == 1 && !lines.contains('|'), "{lines}");
     }
 

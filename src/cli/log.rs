@@ -88,7 +88,8 @@ impl Filter {
     pub(super) fn new(configured: Option<&str>) -> Result<Self, Failure> {
         let usual = LOG.get().map_or("warn", |log| log.usual);
         let filter = EnvFilter::try_new(configured.unwrap_or(usual));
-        let invalid = |error| format!("log: {error}: give a level such as info, or a filter such as trimaran=debug");
+        let invalid =
+            |error| format!("log: {error}: give a level such as info, or a filter such as trimaran=debug");
         with_said(filter.map_err(|error| Failure::bad_input(invalid(error)))?).map(Self)
     }
 

@@ -98,9 +98,7 @@ impl Live {
 
 impl<L: Args + Clone> RoleArgs<L> {
     /// The configuration that the flags, the environment and the file give.
-    pub(super) fn load<C: RoleConfig<Layer = L>>(
-        &self,
-    ) -> Result<(C, trimaran_transport::Options), Failure> {
+    pub(super) fn load<C: RoleConfig<Layer = L>>(&self) -> Result<(C, trimaran_transport::Options), Failure> {
         C::load(self.flags.clone(), &self.links.options, self.config.as_deref()).map_err(Failure::bad_input)
     }
 }

@@ -9,8 +9,8 @@ use trimaran::{
     vulkan::VulkanDisplay,
 };
 use trimaran_actors::{
-    BoxedError, CullerEvent, ListenerHandles, Observer, PeerEndpoint, Peers, PeersConfig, Relay, RelayEndpoints, RelayError,
-    RoleError, ScenePictures, ShownFrame, Turns, WatcherRole, max_frame,
+    BoxedError, CullerEvent, ListenerHandles, Observer, PeerEndpoint, Peers, PeersConfig, Relay,
+    RelayEndpoints, RelayError, RoleError, ScenePictures, ShownFrame, Turns, WatcherRole, max_frame,
 };
 use trimaran_cull::{Image, RgbImage};
 use trimaran_proto::{FrameNumber, Identity, LodRule, Role, Settings, Viewport};

@@ -330,7 +330,9 @@ async fn listen(
 }
 
 /// The plan that the configuration asks for, which this program can record as it is asked to.
-pub(super) fn session_plan(DisplayConfig { session, schedule, record, .. }: &DisplayConfig) -> Result<Plan, Failure> {
+pub(super) fn session_plan(
+    DisplayConfig { session, schedule, record, .. }: &DisplayConfig,
+) -> Result<Plan, Failure> {
     let plan = Plan {
         // Cullers choose their own method; without cullers the display uses Trimaran's.
         culling: CullingMethod::Trimaran,

@@ -229,8 +229,12 @@ mod tests {
         let latency = |frames, seconds| LatencyReading { frames, seconds };
         let before =
             StatusReading { frames_shown: 10, latency: latency(10, 0.2), ..StatusReading::default() };
-        let now =
-            StatusReading { frames_shown: 40, latency: latency(40, 0.95), late: 2, ..StatusReading::default() };
+        let now = StatusReading {
+            frames_shown: 40,
+            latency: latency(40, 0.95),
+            late: 2,
+            ..StatusReading::default()
+        };
         let line = frames(&before, &now, Duration::from_millis(500));
         assert_eq!(line, "\nframes: shown 60.0/s, camera to picture 25.0 ms, cullers late 2\n");
         let none = StatusReading::default();

@@ -8,7 +8,7 @@ use super::{
     interval::Interval,
     schema::{Comparison, ComparisonTable, DrawnFigures, SystemFigures},
     system::System,
-    tables::{Table, ratio, walks},
+    tables::{Table, ratio, right, walks},
 };
 use crate::report::{
     format::{figure, grouped, plural},
@@ -175,7 +175,11 @@ fn verdict(table: &ComparisonTable) -> Markup {
     };
     let others = [System::DistributedGigaWalk, System::GigaWalk, System::Frustum].map(named);
     let others: Vec<String> = others.into_iter().filter_map(over).collect();
-    let wrong: u64 = table.systems.iter().map(SystemFigures::wrong_pixels).sum();
+    let wrong: u64 = table
+        .systems
+        .iter()
+        .map(|figures| figures.wrong_pixels().saturating_sub(figures.right_pixels()))
+        .sum();
     let audited: u32 = table.systems.iter().map(SystemFigures::audited_frames).sum();
     let over_exact =
         |of: fn(&DrawnFigures) -> Option<f64>| Some(Interval::of(ours.drawn.iter().filter_map(of))?.mean);
@@ -204,7 +208,7 @@ fn checked(table: &ComparisonTable, frames: u32) -> String {
     let wrong: Vec<_> = wrong
         .map(|figures| {
             let pixels = plural(figures.wrong_pixels(), "wrong pixel", "wrong pixels");
-            format!("{} has {pixels}", figures.system)
+            format!("{} has {pixels}{}", figures.system, right(figures))
         })
         .collect();
     let frames = plural(u64::from(frames), "frame was", "frames were");

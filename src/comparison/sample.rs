@@ -56,6 +56,7 @@ pub(super) fn comparison() -> Comparison {
                 triangles_over_exact_median: Some(4.0),
                 audited_frames: 2,
                 wrong_pixels: 0,
+                right_pixels: 0,
                 lost_nodes: 0,
             };
             2

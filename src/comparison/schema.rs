@@ -151,6 +151,9 @@ pub struct DrawnFigures {
     pub audited_frames: u32,
     /// Pixels unlike it, all of them.
     pub wrong_pixels: u64,
+    /// Of these, the pixels that culling has right: the f64 rasterizer hides there what the driver shows.
+    #[serde(default)]
+    pub right_pixels: u64,
     /// Exactly visible nodes that were not drawn, all frames.
     pub lost_nodes: u64,
 }
@@ -282,6 +285,12 @@ impl SystemFigures {
         self.drawn.iter().map(|drawn| drawn.wrong_pixels).sum()
     }
 
+    /// Of these, the pixels that culling has right, all paths.
+    #[must_use]
+    pub fn right_pixels(&self) -> u64 {
+        self.drawn.iter().map(|drawn| drawn.right_pixels).sum()
+    }
+
     /// Exactly visible nodes that were not drawn, all paths.
     #[must_use]
     pub fn lost_nodes(&self) -> u64 {
@@ -327,6 +336,7 @@ impl DrawnFigures {
             (exact > 0).then(|| drawn as f64 / exact as f64)
         };
         let summary = &report.summary;
+        let of_the_driver = summary.false_culls.iter().filter(|cull| cull.cause.is_of_the_driver());
         Self {
             nodes: mean(|frame| frame.nodes_drawn),
             objects: mean(|frame| frame.objects_drawn),
@@ -338,6 +348,7 @@ impl DrawnFigures {
             triangles_over_exact_median: summary.tightness.triangles,
             audited_frames: summary.audited_frames,
             wrong_pixels: summary.cut_mismatch_pixels_total.unwrap_or(0),
+            right_pixels: of_the_driver.map(|cull| cull.pixels).sum(),
             lost_nodes: summary.false_culled_nodes_total.unwrap_or(0),
         }
     }

@@ -56,7 +56,9 @@ pub fn security<'e>(
         })
         .collect::<Result<Vec<_>, ConfigError>>()?;
     match keys {
-        Some(keys) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known.into() })),
+        Some(keys) if !known.is_empty() => {
+            Ok(Some(Security { keys: Keys::read(keys)?, peers: known.into() }))
+        }
         _ => {
             let peer = peers.first().map_or("peers", |peers| peers.name);
             Err(ConfigError::NoKeys { endpoint: endpoint.clone(), peer })

@@ -77,7 +77,12 @@ fn a_cullers_configuration_survives_a_round_trip() {
             device_timeout_s: 30.0,
             check_device: false,
         },
-        common: CommonConfig { join_timeout_s: 5.0, metrics: None, log: None, keys: Some("/k/two.key".into()) },
+        common: CommonConfig {
+            join_timeout_s: 5.0,
+            metrics: None,
+            log: None,
+            keys: Some("/k/two.key".into()),
+        },
         peers,
     };
     let mut options = Options::default();

@@ -18,11 +18,7 @@ mod turned_away;
 
 use std::{fmt, sync::Arc};
 
-use prometheus_client::{
-    encoding::text,
-    metrics::info::Info,
-    registry::Registry,
-};
+use prometheus_client::{encoding::text, metrics::info::Info, registry::Registry};
 
 pub use frames::FrameMetrics;
 pub use links::{Carried, LinkMetrics, LinkReading, Watching};
@@ -128,7 +124,7 @@ impl Metrics {
 mod tests {
     use std::collections::BTreeSet;
 
-    use trimaran_actors::RoleError;
+    use trimaran_actors::{RoleError, SessionObserver as _};
 
     use super::*;
 

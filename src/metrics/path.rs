@@ -134,8 +134,12 @@ pub(super) fn encode(links: &[LinkReading], encoder: &mut DescriptorEncoder<'_>)
     }
     type Level = fn(&PathReading) -> f64;
     let levels: [(&str, &str, Level); 5] = [
-        ("path_mtu_bytes", "Largest datagram known to arrive, the smallest of all links", |path| path.path_mtu as f64),
-        ("round_trip_seconds", "Smoothed round-trip time, the longest of all links", |path| path.round_trip_ms / 1e3),
+        ("path_mtu_bytes", "Largest datagram known to arrive, the smallest of all links", |path| {
+            path.path_mtu as f64
+        }),
+        ("round_trip_seconds", "Smoothed round-trip time, the longest of all links", |path| {
+            path.round_trip_ms / 1e3
+        }),
         ("window_bytes", "Congestion window", |path| path.window_bytes as f64),
         ("in_flight_bytes", "Bytes in flight", |path| path.in_flight_bytes as f64),
         ("deadline_too_short", "1 where frames sent have no more time than the way takes", |path| {

@@ -168,7 +168,10 @@ mod tests {
     };
 
     use super::*;
-    use crate::{http::tests::{Guests, guest}, metrics::StatusReading};
+    use crate::{
+        http::tests::{Guests, guest},
+        metrics::StatusReading,
+    };
 
     const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: 127.0.0.1:9\r\n\r\n";
 

@@ -35,7 +35,11 @@ impl SessionMetrics {
         let Self { running, begun, errors } = self;
         registry.register("sessions", "Sessions that go on: a display or a page each", running.clone());
         registry.register("sessions", "Sessions that have begun", begun.clone());
-        registry.register("errors", "Sessions and links that ended with an error, by its kind", errors.clone());
+        registry.register(
+            "errors",
+            "Sessions and links that ended with an error, by its kind",
+            errors.clone(),
+        );
     }
 
     /// A session begins.

@@ -39,7 +39,8 @@ fn doctor(bench: &Bench, file: &str, more: &[&str]) -> Output {
 /// The lines of an output that are not fine.
 fn faults(output: &Output) -> Vec<String> {
     let lines = String::from_utf8_lossy(&output.stdout);
-    let faults = lines.lines().filter(|line| ["MISSING ", "WRONG "].iter().any(|mark| line.starts_with(mark)));
+    let faults =
+        lines.lines().filter(|line| ["MISSING ", "WRONG "].iter().any(|mark| line.starts_with(mark)));
     faults.map(str::to_owned).collect()
 }
 
@@ -98,7 +99,11 @@ fn each_mistake_in_a_deployment_is_named_in_one_line() {
     for (file, more, words) in [
         // The port of another program.
         (relay(&culler, &tcp, "hall.key"), later, &["port", &tcp, "in use"][..]),
-        (relay(&encrypted, &format!("udp://{udp}"), "hall.key"), later, &["port", &udp.to_string(), "in use"]),
+        (
+            relay(&encrypted, &format!("udp://{udp}"), "hall.key"),
+            later,
+            &["port", &udp.to_string(), "in use"],
+        ),
         // Packets that nobody answers.
         (relay(&silent, &own, "hall.key"), soon, &["peer", &silent, "no answer", "a firewall drops TCP"]),
         (
@@ -107,11 +112,23 @@ fn each_mistake_in_a_deployment_is_named_in_one_line() {
             &["peer", &dropping.to_string(), "no answer", "a firewall drops UDP"],
         ),
         // Keys that the peer does not know.
-        (relay(&encrypted, &own, "stranger.key"), later, &["peer", &encrypted, "does not expect our certificate"]),
+        (
+            relay(&encrypted, &own, "stranger.key"),
+            later,
+            &["peer", &encrypted, "does not expect our certificate"],
+        ),
         // Another release.
-        (relay(&another_release(), &own, "hall.key"), later, &["peer", "version 5", "install the same release"]),
+        (
+            relay(&another_release(), &own, "hall.key"),
+            later,
+            &["peer", "version 5", "install the same release"],
+        ),
         // A name without an address.
-        (relay("tcp://oen.invalid:7400", &own, "hall.key"), later, &["peer", "oen.invalid", "check the name"]),
+        (
+            relay("tcp://oen.invalid:7400", &own, "hall.key"),
+            later,
+            &["peer", "oen.invalid", "check the name"],
+        ),
         // A role that has not been started.
         (
             relay(&format!("tcp://127.0.0.1:{}", unused_port()), &own, "hall.key"),
@@ -121,7 +138,8 @@ fn each_mistake_in_a_deployment_is_named_in_one_line() {
     ] {
         bench.write("hall.toml", file);
         // Without a name server a name would take as long as a silent peer.
-        let mut command = bench.command(&[&["doctor", "--config", "hall.toml"], as_present_user(), more].concat());
+        let mut command =
+            bench.command(&[&["doctor", "--config", "hall.toml"], as_present_user(), more].concat());
         names(&command.env("RES_OPTIONS", "timeout:1 attempts:1").output().unwrap(), 1, words);
     }
     bench.write("hall.toml", relay(&culler, &own, "hall.key"));
@@ -183,8 +201,12 @@ fn another_scene_and_a_device_that_is_not_there_are_named() {
     names(&check(), 1, &["scene", "plant.scene", "cut short"]);
     let json = bench.trimaran(&["config", "check", "show.toml", "--json"]);
     let json: Value = serde_json::from_slice(&json.stdout).unwrap();
-    let scene = json["findings"].as_array().unwrap().iter().find(|finding| finding["what"] == "scene").unwrap();
-    assert_eq!((&json["works"], &scene["works"], &scene["must_correct"]), (&false.into(), &false.into(), &false.into()));
+    let scene =
+        json["findings"].as_array().unwrap().iter().find(|finding| finding["what"] == "scene").unwrap();
+    assert_eq!(
+        (&json["works"], &scene["works"], &scene["must_correct"]),
+        (&false.into(), &false.into(), &false.into())
+    );
 }
 
 /// The card is a file in a `/dev` that only the program sees.

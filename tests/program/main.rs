@@ -24,8 +24,8 @@ mod metrics;
 mod partition;
 mod ping;
 mod rejoin;
-mod reload;
 mod relay;
+mod reload;
 #[cfg(target_os = "linux")]
 mod requests;
 mod resume;

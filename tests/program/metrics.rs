@@ -170,7 +170,8 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
 /// Prometheus's own check of the page, and of the alerts.
 fn checked_by_promtool(metrics: &str) {
     let promtool = |args: &[&str], input: &str| {
-        let started = Command::new("promtool").args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let started =
+            Command::new("promtool").args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         let Ok(mut promtool) = started else {
             eprintln!("skipped: promtool is not there (Debian's package prometheus)");
             return;

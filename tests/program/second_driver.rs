@@ -191,7 +191,8 @@ fn two_cullers_of_one_machine_open_two_devices() {
         command.env("VK_ADD_DRIVER_FILES", &swiftshader).env("TRIMARAN_LOG", "info");
         command
     };
-    let json: Value = serde_json::from_str(&printed(&with_both(&["doctor", "--json"]).output().unwrap())).unwrap();
+    let json: Value =
+        serde_json::from_str(&printed(&with_both(&["doctor", "--json"]).output().unwrap())).unwrap();
     let listed = json["findings"].as_array().unwrap().iter().filter(|finding| finding["what"] == "gpu");
     let listed: Vec<_> = listed.map(|finding| finding["detail"].as_str().unwrap()).collect();
     let uuids = listed.iter().map(|detail| detail.split_once("UUID ").unwrap().1.split(',').next().unwrap());

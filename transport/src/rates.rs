@@ -102,7 +102,8 @@ impl Handshakes {
     /// Counts a new handshake. An origin has its even share even where others have begun too many, so at most
     /// twice the limit for all together gets through.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
-        let Limits { handshakes_per_s: in_all, handshakes_per_s_per_address: from_address, .. } = self.limits();
+        let Limits { handshakes_per_s: in_all, handshakes_per_s_per_address: from_address, .. } =
+            self.limits();
         let mut counts = self.counts.lock();
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {
             counts.begun = Some(now);

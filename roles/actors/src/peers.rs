@@ -93,7 +93,12 @@ impl Peers {
     /// No peers.
     #[must_use]
     pub fn none() -> Self {
-        Self { arrivals: mpsc::channel(1).1, early: VecDeque::new(), expected: 0, obstacles: Obstacles::default() }
+        Self {
+            arrivals: mpsc::channel(1).1,
+            early: VecDeque::new(),
+            expected: 0,
+            obstacles: Obstacles::default(),
+        }
     }
 
     /// Connects to and accepts peers until this is dropped.

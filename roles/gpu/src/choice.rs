@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn two_equal_cards_are_two_devices_by_number_uuid_or_address() {
-        let found = [listed("NVIDIA H200", Some(0x5e)), listed("NVIDIA H200", Some(0x3b)), listed("llvmpipe", None)];
+        let found =
+            [listed("NVIDIA H200", Some(0x5e)), listed("NVIDIA H200", Some(0x3b)), listed("llvmpipe", None)];
         let uuid = |place: usize| found[place].uuid.to_string();
         let place = |text: &str| DeviceChoice::from(text).place(&found).unwrap();
         for (first, second) in [

@@ -72,7 +72,9 @@ impl CudaDevices {
                 place.ok_or_else(|| NotFollowed::Unknown(first.to_owned()))?
             }
             // Without a card Slurm writes `NoDevFiles`, and others -1.
-            _ if first.is_empty() || first == "-1" || first == "NoDevFiles" => return Err(NotFollowed::Empty),
+            _ if first.is_empty() || first == "-1" || first == "NoDevFiles" => {
+                return Err(NotFollowed::Empty);
+            }
             _ => return Err(NotFollowed::Unknown(first.to_owned())),
         };
         match found.get(place) {
@@ -141,7 +143,11 @@ mod tests {
 
     #[test]
     fn a_card_with_two_drivers_is_one_card() {
-        let found = [listed("NVIDIA L4", Some(0x3b)), listed("NVIDIA L4 (NVK AD104)", Some(0x3b)), listed("NVIDIA L4", Some(0x5e))];
+        let found = [
+            listed("NVIDIA L4", Some(0x3b)),
+            listed("NVIDIA L4 (NVK AD104)", Some(0x3b)),
+            listed("NVIDIA L4", Some(0x5e)),
+        ];
         assert_eq!([place("0", None, &found), place("1", None, &found)], [Ok(0), Ok(2)]);
     }
 

@@ -132,7 +132,8 @@ mod tests {
             assert!(text.parse::<UuidPrefix>().unwrap().is_of(UUID), "{text}");
         }
         assert!(!"GPU-8f6a1235".parse::<UuidPrefix>().unwrap().is_of(UUID));
-        for text in ["", "8f6a1234", "GPU-", "GPU-x", "GPU-8f6a12345", "NVIDIA H200", "MIG-GPU-8f6a1234/1/2"] {
+        for text in ["", "8f6a1234", "GPU-", "GPU-x", "GPU-8f6a12345", "NVIDIA H200", "MIG-GPU-8f6a1234/1/2"]
+        {
             assert_eq!(text.parse::<UuidPrefix>(), Err(NoUuid), "{text}");
         }
     }
@@ -144,9 +145,14 @@ mod tests {
             assert_eq!(text.parse(), Ok(address), "{text}");
         }
         assert_eq!(address.to_string(), "0000:3b:00.1");
-        for text in ["", "3b", "3b:00", "0000:3b:00", "0:0:0:0.0", "x:00.0", "3b:00.10", "+3:00.0", "300 SE 2.0"] {
+        for text in
+            ["", "3b", "3b:00", "0000:3b:00", "0:0:0:0.0", "x:00.0", "3b:00.10", "+3:00.0", "300 SE 2.0"]
+        {
             assert_eq!(text.parse::<PciAddress>(), Err(NoPciAddress), "{text}");
         }
-        assert!(address < PciAddress { bus: 0x5e, ..address } && address < PciAddress { domain: 1, bus: 0, ..address });
+        assert!(
+            address < PciAddress { bus: 0x5e, ..address }
+                && address < PciAddress { domain: 1, bus: 0, ..address }
+        );
     }
 }

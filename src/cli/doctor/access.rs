@@ -148,7 +148,10 @@ mod tests {
         let (dev, user) = dev(&[("dri/renderD128", 0o000), ("dri/card0", 0o666), ("nvidia-uvm", 0o666)]);
         let finding = found(dev.path(), user.as_ref());
         let detail = finding["detail"].as_str().unwrap();
-        assert!(detail.starts_with("nobody may not open /") && detail.contains("renderD128 (mode 000"), "{detail}");
+        assert!(
+            detail.starts_with("nobody may not open /") && detail.contains("renderD128 (mode 000"),
+            "{detail}"
+        );
         assert_eq!(finding["works"], false);
     }
 

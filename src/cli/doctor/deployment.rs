@@ -6,11 +6,7 @@ use tokio::runtime::Builder;
 use trimaran::config::RoleNeeds;
 use trimaran_transport::{Endpoint, Endpoints, Net, Options, TokioNet};
 
-use super::{
-    access,
-    network::Deployed,
-    service_user::ServiceUser,
-};
+use super::{access, network::Deployed, service_user::ServiceUser};
 use crate::cli::{
     Failure,
     args::DoctorArgs,
@@ -83,7 +79,9 @@ fn enough(needed: usize, limit: Option<u64>, peers: usize) -> Finding {
             );
             Finding::missing("limits", detail)
         }
-        Some(limit) => Finding::ok("limits", format!("{limit} files may be open, and up to {needed} are needed")),
+        Some(limit) => {
+            Finding::ok("limits", format!("{limit} files may be open, and up to {needed} are needed"))
+        }
         None => Finding::ok("limits", "any number of files may be open"),
     }
 }
@@ -114,7 +112,8 @@ mod tests {
             let (needs, options) = RoleName::Relay.load(&file).unwrap();
             let finding = serde_json::to_value(descriptors(&*needs, &options)).unwrap();
             let detail = finding["detail"].as_str().unwrap().to_owned();
-            let number = detail.split_whitespace().filter_map(|word| word.trim_matches(':').parse().ok()).last();
+            let number =
+                detail.split_whitespace().filter_map(|word| word.trim_matches(':').parse().ok()).last();
             (finding["works"] == true, number.unwrap_or(0_u64))
         };
         let over = |listen: &str, peers: u32| {

@@ -88,7 +88,8 @@ impl Deployed<'_> {
         // A display takes a culler into its walk, and refuses a display.
         let claimed = if (own, peers.role) == (Role::Culler, Role::Culler) { own } else { Role::Display };
         let by = self.net.now().after(self.timeout);
-        let made = connect_once::<Walkthrough>(self.net, at, self.identity(claimed), self.options(), by).await;
+        let made =
+            connect_once::<Walkthrough>(self.net, at, self.identity(claimed), self.options(), by).await;
         let answered = match made {
             Ok(link) => {
                 let Identity { role, scene, .. } = link.peer.hello;
@@ -101,7 +102,9 @@ impl Deployed<'_> {
                 Some(Refusal::Rejected(why)) if RejectionCode::Role.is_of(why) => {
                     Ok((claimed, claimed == Role::Culler && self.scene.is_some()))
                 }
-                Some(Refusal::Key { known, .. }) if known.as_str() == own.to_string() => Ok((peers.role, false)),
+                Some(Refusal::Key { known, .. }) if known.as_str() == own.to_string() => {
+                    Ok((peers.role, false))
+                }
                 _ => Err(error),
             },
         };
@@ -144,7 +147,9 @@ fn judged(
 /// Why there was no handshake, and the remedy.
 fn explained(error: &AttemptError, at: &Endpoint, timeout: Duration) -> String {
     let remedy = match error {
-        AttemptError::Resolve(_) | AttemptError::NoAddress => "check the name, /etc/hosts and the name server",
+        AttemptError::Resolve(_) | AttemptError::NoAddress => {
+            "check the name, /etc/hosts and the name server"
+        }
         AttemptError::Connect { cause, .. } => match cause.kind() {
             io::ErrorKind::ConnectionRefused | io::ErrorKind::NotFound => {
                 "nothing listens there: start that role, or correct the endpoint"
@@ -208,7 +213,10 @@ mod tests {
 
     #[test]
     fn silence_a_closed_port_and_a_wrong_name_are_told_apart() {
-        let connect = |kind: io::ErrorKind| AttemptError::Connect { address: "one:7400".to_owned(), cause: kind.into() };
+        let connect = |kind: io::ErrorKind| AttemptError::Connect {
+            address: "one:7400".to_owned(),
+            cause: kind.into(),
+        };
         let unanswered =
             || AttemptError::Handshake { address: "one:7400".to_owned(), cause: HandshakeError::Unanswered };
         for (at, last, words) in [

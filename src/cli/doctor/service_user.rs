@@ -99,7 +99,9 @@ mod present {
     impl ServiceUser {
         pub(in super::super) fn find(named: Option<&str>) -> Result<Option<Self>, Failure> {
             match named {
-                Some(_) => Err(Failure::bad_input("--user needs Linux; without it the checks are made as you")),
+                Some(_) => {
+                    Err(Failure::bad_input("--user needs Linux; without it the checks are made as you"))
+                }
                 None => Ok(None),
             }
         }

@@ -78,6 +78,9 @@ mod tests {
         assert!(said.contains("00ab; for round trips"), "{said}");
         let keys = RoleAnswer { key_of: Some("culler".to_owned()), role: None, scene: None, ..culler };
         let said = keys.to_string();
-        assert!(said.contains("a role answers in 812 us, and knows this machine's key as that of a culler;"), "{said}");
+        assert!(
+            said.contains("a role answers in 812 us, and knows this machine's key as that of a culler;"),
+            "{said}"
+        );
     }
 }

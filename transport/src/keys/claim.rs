@@ -132,7 +132,8 @@ mod tests {
                 KnownPeer::in_role(two.clone(), "arm"),
                 KnownPeer::in_role(two.clone(), "gripper"),
                 any.clone().into(),
-            ].into(),
+            ]
+            .into(),
         };
         let roles = ["arm", "gripper", "panel"];
         for (peer, expected) in [

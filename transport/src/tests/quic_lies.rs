@@ -42,7 +42,8 @@ impl Setting {
     async fn new() -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let [listens, liar] = ["listens", "lies"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
-        let security = Some(Security { keys: listens.clone(), peers: vec![liar.public().clone().into()].into() });
+        let security =
+            Some(Security { keys: listens.clone(), peers: vec![liar.public().clone().into()].into() });
         let options = Options { security, ..Options::default() };
         let at = Endpoint::Quic(HERE.into());
         let listener = Listener::bind(&net, &at, greeting(ARM), &options).await.unwrap();
@@ -143,8 +144,10 @@ async fn whoever_lied_may_come_back_with_the_truth() {
     let mut setting = Setting::new().await;
     let (link, connection, control, beside) = setting.joined(1).await;
     drop((link, connection, control, beside));
-    let security =
-        Some(Security { keys: setting.liar.clone(), peers: vec![setting.listens.public().clone().into()].into() });
+    let security = Some(Security {
+        keys: setting.liar.clone(),
+        peers: vec![setting.listens.public().clone().into()].into(),
+    });
     let options = Options { security, ..Options::default() };
     let there = setting.listener.local_endpoint().clone();
     let soon = setting.net.now().after(std::time::Duration::from_secs(60));

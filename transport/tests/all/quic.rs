@@ -38,7 +38,8 @@ fn acquainted(options: &Options) -> (Options, Options) {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()].into() });
+        let security =
+            Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()].into() });
         options.clone().with_security(security)
     };
     (with(&a, &b), with(&b, &a))
@@ -152,7 +153,10 @@ async fn with_keys_for_datagrams_alone_there_is_no_quic() {
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 
     // A listener that knows such a peer for datagrams has no place for it, and the others still get in.
-    let peers = [vec![for_datagrams_alone().public().clone().into()], known.security.clone().unwrap().peers.now().to_vec()];
+    let peers = [
+        vec![for_datagrams_alone().public().clone().into()],
+        known.security.clone().unwrap().peers.now().to_vec(),
+    ];
     let security = Some(Security { peers: peers.concat().into(), ..known.security.clone().unwrap() });
     let ours = known.with_security(security);
     let (mut listener, endpoint) = listener(&net, &ours).await;
