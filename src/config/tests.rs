@@ -113,7 +113,7 @@ fn a_misspelt_key_is_named_with_its_line() {
     }
     let message = file::<RelayConfig>(&format!("{RELAY}device = 'a'\n")).unwrap_err().to_string();
     let expected = "line 3: unknown key `device`, expected `upstream`, `listen`, `join_timeout_s`, \
-                    `metrics`, `keys`, `peers`, ";
+                    `metrics`, `log`, `keys`, `peers`, ";
     assert!(message.contains(expected) && message.contains("`tcp`"), "{message}");
 }
 

@@ -159,6 +159,7 @@ mod tests {
         let metrics = Metrics::of("display", links::tests::of_a_path());
         metrics.sessions().failed(&RoleError::Panic("a bug".to_owned()));
         metrics.frames().shared();
+        metrics.frames().culled(&trimaran_proto::FrameStats::default());
         metrics.opened(service::tests::plant());
         metrics.has_places(64);
         let shown = names(&metrics.text().unwrap());
