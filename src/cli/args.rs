@@ -14,6 +14,8 @@ mod serve;
 mod sim;
 mod walks;
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
@@ -123,6 +125,12 @@ pub(crate) enum Command {
     Completions {
         /// The shell to print them for.
         shell: Shell,
+    },
+    /// Write the manual pages: one for the program, and one for each command.
+    Man {
+        /// The folder, such as /usr/local/share/man/man1.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
     },
 }
 

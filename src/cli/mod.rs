@@ -24,6 +24,7 @@ mod import;
 mod info;
 mod keys;
 mod log;
+mod man;
 #[cfg(all(feature = "lab", target_os = "linux"))]
 mod netem;
 mod output;
@@ -108,6 +109,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
             clap_complete::generate(shell, &mut Cli::command(), "trimaran", &mut io::stdout());
             Ok(())
         }
+        Command::Man { folder } => man::run(&folder),
         Command::Serve(args) => serve::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Report(args) => report::run(&args),

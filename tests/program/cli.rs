@@ -780,3 +780,15 @@ fn the_log_is_text_or_json() {
     let refused = said_in("xml");
     assert!(refused.contains("TRIMARAN_LOG_FORMAT is \"xml\": it may be json or text"), "{refused}");
 }
+
+#[test]
+fn manual_pages_have_every_command_with_its_flags() {
+    let bench = Bench::empty();
+    bench.done(&["man", "share/man1"]);
+    let page = |name: &str| fs::read_to_string(bench.path("share/man1").join(name)).unwrap();
+    assert!(page("trimaran.1").contains("trimaran\\-serve(1)"), "{}", page("trimaran.1"));
+    assert!(page("trimaran-role-culler.1").contains("\\-\\-peer\\-displays"));
+    assert!(page("trimaran-serve.1").contains("TRIMARAN_LISTEN"));
+    bench.write("file", "");
+    bench.refuses(&["man", "file"], &["cannot write to file"]);
+}

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::common::program::Bench;
 use crate::machine::Machine;
+use crate::package::package;
 
 /// The services, and the port of each one's metrics.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);
@@ -13,8 +14,8 @@ pub(crate) const TWO: (&str, u16) = ("trimaran-culler@two", 9466);
 
 /// The folder of the display's report.
 const REPORT: &str = "/var/lib/trimaran/walk";
-/// The folder for the page's commands: a checkout with a scene, keys and configurations.
-const CHECKOUT: &str = "/run/checkout";
+/// The folder for the page's commands: the package, a scene, keys and configurations.
+pub(crate) const CHECKOUT: &str = "/run/checkout";
 /// The names of the page's three hosts in its command lines, and the one for browsers.
 const HOSTS: [&str; 3] = ["one", "two", "show"];
 const PAGES_HOST: &str = "pages";
@@ -68,8 +69,10 @@ impl Walk {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
         // A role that vanishes without a close is missed soon.
-        let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
-        fs::write(machine.path("/etc/default/trimaran"), environment).unwrap();
+        let of_all = "/etc/systemd/system/trimaran-.service.d";
+        machine.run(&format!("mkdir {of_all}"));
+        let section = "[Service]\nEnvironment=TRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
+        fs::write(machine.path(&format!("{of_all}/soon.conf")), section).unwrap();
         run_commands_of_the_page(machine, &HOSTS);
     }
 
@@ -153,26 +156,20 @@ pub(crate) fn install_pages(machine: &Machine) -> String {
 /// The files for the page's commands, with those of `bench`.
 fn put_checkout(machine: &Machine, bench: &Bench) -> PathBuf {
     let checkout = machine.path(CHECKOUT);
-    fs::create_dir_all(checkout.join("target/release")).unwrap();
-    fs::copy(env!("CARGO_BIN_EXE_trimaran"), checkout.join("target/release/trimaran")).unwrap();
-    let units = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd");
-    copy_files(&units, &checkout.join("deploy/systemd"));
-    copy_files(&bench.path(""), &checkout);
+    fs::create_dir_all(&checkout).unwrap();
+    let package = package();
+    fs::copy(package, checkout.join(package.file_name().unwrap())).unwrap();
+    for entry in fs::read_dir(bench.path("")).unwrap().map(Result::unwrap) {
+        if entry.file_type().unwrap().is_file() {
+            fs::copy(entry.path(), checkout.join(entry.file_name())).unwrap();
+        }
+    }
     checkout
 }
 
 fn run_commands_of_the_page(machine: &Machine, hosts: &[&str]) {
     for command in commands_of_the_page(hosts) {
         machine.run(&format!("cd {CHECKOUT}; {command}"));
-    }
-}
-
-fn copy_files(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
-        if entry.file_type().unwrap().is_file() {
-            fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
-        }
     }
 }
 

@@ -79,6 +79,18 @@ impl Machine {
         command
     }
 
+    /// The number of a service's main process; 0 if there is none.
+    pub(crate) fn main_process(&self, service: &str) -> String {
+        self.run(&format!("systemctl show -P MainPID {service}"))
+    }
+
+    /// Waits until a service has another main process than `before`.
+    pub(crate) fn wait_for_another_process(&self, service: &str, before: &str) {
+        self.wait_for("the next process", || {
+            (!["0", before].contains(&&*self.main_process(service))).then_some(())
+        });
+    }
+
     /// The answer to an HTTP request at a port of the machine's loopback, if there is one.
     pub(crate) fn get(&self, port: u16, path: &str) -> Option<String> {
         let namespace = fs::File::open(format!("/proc/{}/ns/net", self.init)).unwrap();
@@ -125,7 +137,7 @@ fn groups() -> Result<PathBuf, String> {
     if !rustix::process::geteuid().is_root() {
         return Err("a machine for services takes root".to_owned());
     }
-    for program in ["/lib/systemd/systemd", "/usr/bin/unshare", "/usr/bin/nsenter"] {
+    for program in ["/lib/systemd/systemd", "/usr/bin/unshare", "/usr/bin/nsenter", "/usr/bin/apt-get"] {
         if !Path::new(program).exists() {
             return Err(format!("there is no {program}; ./x setup installs it"));
         }

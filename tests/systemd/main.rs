@@ -11,6 +11,7 @@
 mod common;
 mod deployment;
 mod machine;
+mod package;
 
 use std::fs;
 
@@ -61,11 +62,10 @@ fn in_walks(name: &str, goes_on: bool, act: impl Fn(&Machine, &str)) {
         let Some(machine) = Machine::boot(name) else { return };
         walk.install(&machine, over);
         let replace = |service: (&str, u16)| {
-            let process = || machine.run(&format!("systemctl show -P MainPID {}", service.0));
             walks(&machine, service);
-            let before = process();
+            let before = machine.main_process(service.0);
             act(&machine, service.0);
-            machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+            machine.wait_for_another_process(service.0, &before);
             walks(&machine, service);
         };
         [ONE, TWO, DISPLAY].into_iter().for_each(replace);
@@ -119,15 +119,14 @@ fn a_service_tells_when_it_works_and_is_restarted_when_it_hangs() {
     });
     assert!(status(ONE).ends_with("plant.scene, displays: 1"), "{}", status(ONE));
     assert_eq!([ONE, TWO, DISPLAY].map(|(service, _)| faults(service)), ["", "", ""].map(str::to_owned));
-    let process = || machine.run(&format!("systemctl show -P MainPID {}", ONE.0));
     machine.run(&format!("mkdir -p /etc/systemd/system/{}.service.d", ONE.0));
     let section = "[Service]\nWatchdogSec=2\n";
     fs::write(machine.path(&format!("/etc/systemd/system/{}.service.d/soon.conf", ONE.0)), section).unwrap();
     machine.run(&format!("systemctl daemon-reload; systemctl restart {}", ONE.0));
     walks(&machine, ONE);
-    let before = process();
+    let before = machine.main_process(ONE.0);
     machine.run(&format!("systemctl kill --signal=STOP {}", ONE.0));
-    machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+    machine.wait_for_another_process(ONE.0, &before);
     walks(&machine, ONE);
     assert_eq!(machine.run(&format!("systemctl show -P NRestarts {}", ONE.0)), "1");
     walk.is_stopped(&machine);
@@ -139,7 +138,6 @@ fn a_service_of_pages_is_there_again_after_it_was_killed() {
     let Some(machine) = Machine::boot("pages") else { return };
     let token = install_pages(&machine);
     let (service, port) = PAGES;
-    let process = || machine.run(&format!("systemctl show -P MainPID {service}"));
     let scene = |token: &str| machine.get(port, &format!("/scene?token={token}"));
     let is_there = || {
         machine.wait_for("the service of pages", || {
@@ -158,9 +156,9 @@ fn a_service_of_pages_is_there_again_after_it_was_killed() {
     }
     let refused = scene("0123456789abcdef").unwrap();
     assert!(!refused.contains("plant") && refused.contains("token"), "{refused}");
-    let before = process();
+    let before = machine.main_process(service);
     machine.run(&format!("systemctl kill --signal=KILL {service}"));
-    machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+    machine.wait_for_another_process(service, &before);
     assert!(is_there());
     // Other users must not read the token.
     assert_eq!(machine.run("stat --format %a:%U /etc/trimaran/plant.env"), "600:root");
