@@ -14,11 +14,12 @@ use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
 use thiserror::Error as ThisError;
 use tokio::{
+    io::{AsyncRead, AsyncWrite, join},
     net::TcpStream,
     task::{AbortHandle, JoinSet},
 };
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
-use trimaran_transport::{Net, sleep_until};
+use trimaran_transport::{HostPort, Net, sleep_until, ws::WsOptions};
 
 /// The pause after the system could not accept, for instance for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
@@ -130,7 +131,24 @@ pub async fn get_by_address(at: &str, target: &str) -> Result<Bytes, GetError> {
     ask(stream, &host, target).await
 }
 
-async fn ask(stream: TcpStream, host: &str, target: &str) -> Result<Bytes, GetError> {
+/// The same over TLS, from a server whose certificate is valid.
+///
+/// # Errors
+/// When the request fails.
+pub async fn get_over_tls(at: &HostPort, target: &str, options: &WsOptions) -> Result<Bytes, GetError> {
+    let host = at.to_string();
+    let stream = TcpStream::connect(&host).await.map_err(GetError::Connect)?;
+    let peer = StreamPeer::Tcp(stream.peer_addr().map_err(GetError::Connect)?);
+    let (reader, writer) = stream.into_split();
+    let stream = Stream { reader: Box::new(reader), writer: Box::new(writer), peer };
+    let Stream { reader, writer, .. } = options.encrypt(&at.host, stream).await.map_err(GetError::Connect)?;
+    ask(join(reader, writer), &host, target).await
+}
+
+async fn ask<S>(stream: S, host: &str, target: &str) -> Result<Bytes, GetError>
+where
+    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+{
     let (mut sender, connection) =
         http1::handshake(TokioIo::new(stream)).await.map_err(GetError::Exchange)?;
     let request =

@@ -1,6 +1,7 @@
 //! The command line. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
+mod access;
 #[cfg(feature = "lab")]
 mod audit;
 #[cfg(feature = "lab")]
@@ -19,6 +20,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+pub(crate) use access::{AccessArgs, TokenCommand};
 #[cfg(feature = "lab")]
 pub(crate) use audit::{AuditCommand, HardArgs, SearchArgs};
 #[cfg(feature = "lab")]
@@ -76,7 +78,7 @@ pub(crate) enum Command {
     /// Say what a cooked scene holds.
     Info(InfoArgs),
     /// Serve a scene to browsers: they show a page in which to walk. Displays join as well, at
-    /// ws://HOST:PORT/link?token=TOKEN.
+    /// ws://HOST:PORT/link?token=TOKEN, with TLS at wss://.
     Serve(ServeArgs),
     /// Walk a camera through a scene with the three roles and write a report.
     Run(RunArgs),
@@ -110,6 +112,9 @@ pub(crate) enum Command {
     /// Make and show the keys by which machines know each other where a transport encrypts.
     #[command(subcommand)]
     Keys(KeysCommand),
+    /// Make tokens by which people open a page of `serve`.
+    #[command(subcommand)]
+    Token(TokenCommand),
     /// Measure round trips over any transport, of a camera or of a frame of ids.
     Ping(PingArgs),
     /// Watch what the links of a running role carry, its frames and their latency.

@@ -4,6 +4,7 @@
 #[macro_use]
 mod terminal;
 
+mod access;
 mod address;
 mod args;
 #[cfg(feature = "lab")]
@@ -49,6 +50,7 @@ mod status;
 mod stopping;
 #[cfg(feature = "lab")]
 mod sweep;
+mod token;
 mod view;
 mod walking;
 #[cfg(feature = "window")]
@@ -130,6 +132,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Role(command) => role::run(&command),
         Command::Config(command) => config::run(&command),
         Command::Keys(command) => keys::run(&command),
+        Command::Token(command) => token::run(&command),
         Command::Ping(args) => ping::run(&args),
         Command::Stat(args) => stat::run(&args),
         // Its exit codes are of its own.

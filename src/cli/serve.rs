@@ -6,17 +6,19 @@ use tokio::sync::{mpsc, oneshot};
 use trimaran::{
     config::options,
     culling::CullingMethod,
-    page::{Drive, DriveReport, Pages, SceneDescription, Token, model_name},
+    page::{Drive, DriveReport, PageOptions, Pages, Proxies, SceneDescription, Tls, TlsFiles, model_name},
 };
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
 use trimaran_transport::{Endpoints, Net, Options, TokioNet};
 
 use super::{
     Failure,
-    address::Address,
+    access::{TokenSource, keep},
     args::{DeviceArgs, GuestArgs, ServeArgs},
     culling::{Host, largest, limits},
     printed,
+    reload::HangUps,
+    service_manager::ServiceManager,
     stopping::stoppable_service,
     terminal::stdout,
     walking::{MetricsServer, open, runtime, upload},
@@ -28,7 +30,9 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         scene: &args.scene,
         name: model_name(slice::from_ref(&args.scene)),
         listen: args.listen,
-        token: args.token.clone().map_or(Secret::New, Secret::Given),
+        tokens: TokenSource::from(&args.access),
+        tls: args.access.tls(),
+        proxies: args.access.proxies(),
         metrics: args.metrics,
         device: &args.device,
         guests: args.guests,
@@ -44,22 +48,15 @@ pub(super) struct Service<'s> {
     /// The model's name.
     pub(super) name: String,
     pub(super) listen: SocketAddr,
-    pub(super) token: Secret<'s>,
+    pub(super) tokens: TokenSource<'s>,
+    pub(super) tls: Option<TlsFiles>,
+    pub(super) proxies: Proxies,
     pub(super) metrics: Option<SocketAddr>,
     pub(super) device: &'s DeviceArgs,
     pub(super) guests: GuestArgs,
     pub(super) options: Options,
     /// A camera path for a page to repeat, as JSON. Its report ends the service.
     pub(super) drive: Option<Vec<u8>>,
-}
-
-/// The token of a page.
-pub(super) enum Secret<'s> {
-    Given(Token),
-    /// A new one each time.
-    New,
-    /// The same each time the model is viewed.
-    KeptFor(&'s Address),
 }
 
 /// The report of a page's walk, if one has ended the service.
@@ -71,6 +68,12 @@ impl Service<'_> {
         let runtime = runtime()?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let (stopper, stop) = stoppable_service()?;
+        let token_file = self.tokens.file().cloned();
+        // In a terminal that is closed, a service with nothing to read again ends.
+        let reads_again = token_file.is_some() || self.tls.is_some() || ServiceManager::is_there();
+        let hang_ups = reads_again.then(|| HangUps::listen(&runtime)).transpose()?;
+        let tokens = self.tokens.read(&*net)?;
+        let tls = self.tls.map(Tls::read).transpose().map_err(Failure::bad_input)?;
         let (reports, mut reported) = mpsc::channel(1);
         let drive = self.drive.map(|path| Drive::new(path, reports));
         let server = MetricsServer::start("serve", self.metrics, &self.options.ws, &runtime)?;
@@ -80,22 +83,17 @@ impl Service<'_> {
         let max_picture = largest(&drawn, max_picture);
         let described = SceneDescription::new(self.name, &file.scene).map_err(Failure::broken)?;
         let description = SceneDescription { max_picture, ..described };
-        let token = match self.token {
-            Secret::Given(token) => Ok(token),
-            Secret::New => Token::random(&*net),
-            Secret::KeptFor(address) => address.token(&*net),
-        };
-        let token = token.map_err(Failure::broken)?;
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
-        let pages =
-            Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
+        let served = PageOptions { tokens, tls, proxies: self.proxies, ws, tcp };
+        let pages = Pages::new(&file.scene, &description, served, drive).map_err(Failure::bad_input)?;
+        net.spawn(Box::pin(keep(pages.clone(), token_file, hang_ups, Arc::clone(&net))));
         let mut options = self.options.with_transports(vec![Arc::new(pages.clone())]);
         let places = people.unwrap_or(options.limits.peers);
         options.limits.peers = places;
         options.link.max_frame = max_frame(&file.scene);
         // The first is the page's.
         let meeting = description.meeting.clone();
-        let listen = Endpoints::from(Pages::endpoint(self.listen)).and(meeting.clone());
+        let listen = Endpoints::from(pages.endpoint(self.listen)).and(meeting.clone());
         let at =
             ServiceEndpoints { listen: Some(listen), displays: Vec::new(), cullers: vec![meeting], options };
         let started = runtime.block_on(CullerService::start(&net, file.scene.outline(), at));

@@ -1,7 +1,7 @@
 //! The service manager that has started this process: systemd, by sd_notify(3). It is told when the service
 //! is ready, what it does and when it stops, and restarts a service that has hung.
 
-use std::{future::pending, time::Duration};
+use std::{env, future::pending, time::Duration};
 
 use sd_notify::NotifyState;
 use tokio::{runtime::Runtime, task::JoinSet};
@@ -17,6 +17,11 @@ pub(super) struct ServiceManager {
 impl ServiceManager {
     pub(super) fn of_this_process() -> Self {
         Self { watchdog: sd_notify::watchdog_enabled() }
+    }
+
+    /// Whether there is one.
+    pub(super) fn is_there() -> bool {
+        env::var_os("NOTIFY_SOCKET").is_some()
     }
 
     /// The service works from now on.

@@ -11,20 +11,21 @@ use bytesize::ByteSize;
 use tempfile::TempDir;
 use trimaran::{
     config::options,
-    page::{DriveReport, WrongPixels, model_name},
+    page::{DriveReport, Proxies, WrongPixels, model_name},
     scene_cache::{CacheError, CachedScene},
 };
 use trimaran_scene::{Scene, path::PosePath};
 
 use super::{
     Failure,
+    access::TokenSource,
     address::Address,
     args::ViewArgs,
     browser, cooking,
     import::{print_report, read},
     log::SAID,
     print_json, printed,
-    serve::{Secret, Service},
+    serve::Service,
     terminal::stdout,
 };
 
@@ -55,7 +56,9 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         scene: &scene,
         name: model_name(&args.files),
         listen: address.listen(),
-        token: Secret::KeptFor(&address),
+        tokens: TokenSource::KeptFor(&address),
+        tls: None,
+        proxies: Proxies::default(),
         metrics: None,
         device: &args.device,
         guests: args.guests,

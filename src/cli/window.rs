@@ -4,6 +4,7 @@ use std::{io::Write as _, path::Path};
 
 use tokio::runtime::Handle;
 use trimaran::{
+    config::options,
     page::{SceneDescription, model_name},
     report::schema::Stat,
     walkthrough::SceneFile,
@@ -36,6 +37,8 @@ pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Res
 /// The scene of a service.
 pub(super) fn run_service(args: &ViewArgs, url: &str) -> Result<(), Failure> {
     let service: ServiceAt = url.parse().map_err(Failure::bad_input)?;
+    let links = options(&[], toml::Table::new()).map_err(Failure::bad_input)?;
+    let service = service.with_ws(links.ws);
     show(args, None, |options, runtime, stop| open_service(&service, options, runtime, stop))
 }
 

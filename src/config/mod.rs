@@ -22,7 +22,7 @@ use std::{
 use confique::{Config, Layer};
 use serde::{Deserialize, de::Error as _};
 use thiserror::Error;
-use toml::{Spanned, Table, de::DeTable};
+use toml::{Spanned, Table, Value, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
 pub use needs::{RoleNeeds, SoughtPeers};
@@ -172,13 +172,16 @@ pub trait RoleConfig: Config {
 fn read<C: RoleConfig>(path: &Path) -> Result<(C::Layer, Table), ConfigError> {
     let text =
         fs::read_to_string(path).map_err(|cause| ConfigError::Read { path: path.to_owned(), cause })?;
-    let (mut layer, links) = split::<C>(&text).map_err(|mut cause| {
+    let (mut layer, mut links) = split::<C>(&text).map_err(|mut cause| {
         cause.set_input(Some(&text));
         ConfigError::Parse { path: path.to_owned(), cause: Box::new(cause) }
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     for relative in C::paths(&mut layer) {
         *relative = folder.join(&*relative);
+    }
+    if let Some(Value::String(ca)) = links.get_mut("ws").and_then(|ws| ws.get_mut("ca")) {
+        *ca = folder.join(&*ca).to_string_lossy().into_owned();
     }
     Ok((layer, links))
 }

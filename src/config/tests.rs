@@ -46,6 +46,15 @@ fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
 }
 
 #[test]
+fn the_authorities_of_links_are_beside_the_file_too() {
+    let (dir, path) = written(&format!("{DISPLAY}[ws]\nca = 'plant.pem'\n"));
+    let (_, options) = DisplayConfig::load(Layer::empty(), &[], Some(&path)).unwrap();
+    assert_eq!(options.ws.ca, Some(dir.path().join("plant.pem")));
+    let (_, options) = both::<DisplayConfig>(&format!("{DISPLAY}[ws]\nca = '/etc/plant.pem'\n")).unwrap();
+    assert_eq!(options.ws.ca, Some("/etc/plant.pem".into()));
+}
+
+#[test]
 fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
     let (_dir, path) =
         written(&format!("{DISPLAY}[session]\nbatch = 7\nseed = 8\n[udp]\nwindow = 7\ninitial_window = 8\n"));

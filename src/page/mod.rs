@@ -1,6 +1,7 @@
 //! The page: a display in a browser, and its server. Its links are WebSockets at the same port, so one
 //! address is enough.
 
+mod access;
 mod answering;
 mod assets;
 mod description;
@@ -8,15 +9,24 @@ mod drive;
 mod network;
 mod parts;
 mod people;
+mod proxies;
 mod questions;
 mod server;
 mod sides;
 mod snap;
 mod tiles;
+mod tls;
 mod token;
+mod tokens;
 mod warnings;
 
 pub use description::{SceneDescription, model_name};
 pub use drive::{Drive, DriveReport, Moment, WrongPixels};
-pub use server::{PageError, Pages};
-pub use token::{Token, TokenError};
+pub use proxies::{Proxies, ProxyNetwork, ProxyNetworkError};
+pub use server::{PageError, PageOptions, Pages};
+pub use tls::{Tls, TlsError, TlsFiles};
+pub use token::{Token, TokenError, TokenFileError};
+pub use tokens::{
+    PersonName, PersonNameError, TokenEntry, TokenHash, TokenHashError, TokenList, TokenListError, Tokens,
+    Until, UntilError,
+};

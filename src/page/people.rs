@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use trimaran_net::Instant;
 
+use super::tokens::PersonName;
 use crate::http::Asker;
 
 /// The longest pose message of a page, bytes.
@@ -35,6 +36,7 @@ struct Inner {
 struct Known {
     number: u32,
     asker: Asker,
+    name: Option<PersonName>,
     pose: Pose,
     leader: Option<Leader>,
     follows: Option<u32>,
@@ -99,6 +101,8 @@ pub(super) struct Company {
 #[derive(Debug, PartialEq, Serialize)]
 struct Person {
     number: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<PersonName>,
     pose: Pose,
     #[serde(skip_serializing_if = "Option::is_none")]
     leader: Option<Leader>,
@@ -135,6 +139,7 @@ impl People {
     pub(super) fn meet(
         &self,
         asker: Asker,
+        name: Option<PersonName>,
         Here { page, pose, leader, follows }: Here,
         now: Instant,
     ) -> Result<Company, NoPlace> {
@@ -156,11 +161,11 @@ impl People {
                 *last
             }
         };
-        people.insert(page, Known { number: you, asker, pose, leader, follows, at: now });
+        people.insert(page, Known { number: you, asker, name, pose, leader, follows, at: now });
         let others = people.values().filter(|known| known.number != you);
         let person = |known: &Known| {
             let Known { number, leader, .. } = *known;
-            Person { number, pose: known.pose.clone(), leader }
+            Person { number, name: known.name.clone(), pose: known.pose.clone(), leader }
         };
         let mut others: Vec<_> = others.map(person).collect();
         others.sort_unstable_by_key(|person| person.number);
@@ -206,35 +211,40 @@ mod tests {
     #[test]
     fn each_is_told_where_the_others_are_until_they_leave() {
         let people = People::default();
-        let alone = people.meet(asker(1), here("a", 1.0), at(0)).unwrap();
+        let alone = people.meet(asker(1), None, here("a", 1.0), at(0)).unwrap();
         assert_eq!((alone.you, places(&alone)), (1, vec![]));
-        let second = people.meet(asker(1), here("b", 2.0), at(1)).unwrap();
+        let second = people.meet(asker(1), None, here("b", 2.0), at(1)).unwrap();
         assert_eq!((second.you, places(&second)), (2, vec![(1, 1.0)]));
-        people.meet(asker(1), here("c", 3.0), at(2)).unwrap();
-        let moved = people.meet(asker(1), here("a", 9.0), at(9)).unwrap();
+        people.meet(asker(1), None, here("c", 3.0), at(2)).unwrap();
+        let moved = people.meet(asker(1), None, here("a", 9.0), at(9)).unwrap();
         assert_eq!((moved.you, places(&moved)), (1, vec![(2, 2.0), (3, 3.0)]));
-        let later = people.meet(asker(1), here("a", 9.0), at(11)).unwrap();
+        let later = people.meet(asker(1), None, here("a", 9.0), at(11)).unwrap();
         assert_eq!(places(&later), [(3, 3.0)], "the second has left");
-        assert_eq!(people.meet(asker(1), here("b", 2.0), at(11)).unwrap().you, 4, "a number is given once");
+        assert_eq!(
+            people.meet(asker(1), None, here("b", 2.0), at(11)).unwrap().you,
+            4,
+            "a number is given once"
+        );
     }
 
     #[test]
     fn invented_names_shut_out_nobody_else() {
         let people = People::default();
-        let you = people.meet(asker(2), here("honest", 7.0), at(0)).unwrap().you;
-        let meet =
-            |name: usize, seconds| people.meet(asker(1), here(&name.to_string(), 0.0), at(seconds)).unwrap();
+        let you = people.meet(asker(2), None, here("honest", 7.0), at(0)).unwrap().you;
+        let meet = |name: usize, seconds| {
+            people.meet(asker(1), None, here(&name.to_string(), 0.0), at(seconds)).unwrap()
+        };
         for name in 0..3 * MOST {
             let company = meet(name, 1);
             assert!(company.others.len() < MOST && places(&company).contains(&(you, 7.0)), "{name}");
         }
         // A person from another address comes as well, and both stay.
-        people.meet(asker(3), here("other", 8.0), at(2)).unwrap();
+        people.meet(asker(3), None, here("other", 8.0), at(2)).unwrap();
         let company = meet(4 * MOST, 3);
         assert!([7.0, 8.0].iter().all(|x| company.others.iter().any(|person| person.pose.eye[0] == *x)));
-        assert_eq!(people.meet(asker(2), here("honest", 7.0), at(3)).unwrap().you, you);
+        assert_eq!(people.meet(asker(2), None, here("honest", 7.0), at(3)).unwrap().you, you);
         // A newcomer of the same address is let in, too.
-        assert!(people.meet(asker(1), here("of the same address", 9.0), at(3)).is_ok());
+        assert!(people.meet(asker(1), None, here("of the same address", 9.0), at(3)).is_ok());
     }
 
     #[test]
@@ -243,7 +253,7 @@ mod tests {
         let meet = |eye, forward, vfov_deg| {
             let pose = Pose { eye, forward, vfov_deg };
             people
-                .meet(asker(1), Here { page: "a".to_owned(), pose, leader: None, follows: None }, at(0))
+                .meet(asker(1), None, Here { page: "a".to_owned(), pose, leader: None, follows: None }, at(0))
                 .map(|company| company.you)
         };
         let ahead = [0.0, 0.0, -1.0];
@@ -268,17 +278,17 @@ mod tests {
         };
         let people = People::default();
         let here: Here = read(r#","leader":"ffffffffffffffff""#).unwrap();
-        people.meet(asker(1), here, at(0)).unwrap();
+        people.meet(asker(1), None, here, at(0)).unwrap();
         let company =
-            people.meet(asker(1), Here { page: "b".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
+            people.meet(asker(1), None, Here { page: "b".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
         let told = serde_json::to_value(&company).unwrap();
         assert_eq!(told["others"][0]["leader"], "ffffffffffffffff");
         assert_eq!(told["isFollowed"], false);
         people
-            .meet(asker(1), Here { page: "b".to_owned(), ..read(r#","follows":1"#).unwrap() }, at(0))
+            .meet(asker(1), None, Here { page: "b".to_owned(), ..read(r#","follows":1"#).unwrap() }, at(0))
             .unwrap();
         let company =
-            people.meet(asker(1), Here { page: "a".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
+            people.meet(asker(1), None, Here { page: "a".to_owned(), ..read("").unwrap() }, at(0)).unwrap();
         assert!(company.is_followed);
         for wrong in [r#","leader":"x""#, r#","leader":7"#, r#","leader":"10000000000000000""#] {
             assert!(read(wrong).is_err(), "{wrong}");
@@ -286,8 +296,23 @@ mod tests {
     }
 
     #[test]
+    fn others_learn_the_name_that_the_service_knows() {
+        let people = People::default();
+        let name = |text: &str| Some(text.parse().unwrap());
+        people.meet(asker(1), name("Ada L."), here("a", 1.0), at(0)).unwrap();
+        people.meet(asker(1), None, here("b", 2.0), at(0)).unwrap();
+        let company = people.meet(asker(1), name("Bob"), here("c", 3.0), at(0)).unwrap();
+        let told = serde_json::to_value(&company).unwrap();
+        assert_eq!(told["others"][0]["name"], "Ada L.");
+        assert_eq!(told["others"][1].get("name"), None);
+        people.meet(asker(1), None, here("a", 1.0), at(1)).unwrap();
+        let company = people.meet(asker(1), None, here("c", 3.0), at(1)).unwrap();
+        assert_eq!(company.others[0].name, None, "a person without a name any more");
+    }
+
+    #[test]
     fn names_are_short() {
-        let long = People::default().meet(asker(1), here(&"x".repeat(LONGEST_NAME + 1), 0.0), at(20));
+        let long = People::default().meet(asker(1), None, here(&"x".repeat(LONGEST_NAME + 1), 0.0), at(20));
         assert!(matches!(long, Err(NoPlace::Name)));
     }
 }

@@ -1,6 +1,12 @@
 //! The server of the page: its files are public, the scene needs the token.
 
-use std::{convert::Infallible, fmt, io, net::SocketAddr, sync::Arc, time::Duration};
+use std::{
+    convert::Infallible,
+    fmt, io,
+    net::SocketAddr,
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
 
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::{
@@ -23,13 +29,17 @@ use trimaran_transport::{
 };
 
 use super::{
-    SceneDescription, Token,
+    SceneDescription,
+    access::{Access, Grant},
     answering::Answering,
     assets::ASSETS,
     drive::{Drive, LONGEST_REPORT},
     network::{Network, NetworkError, Networks, Wanted},
     people::{LONGEST_MEETING, People},
+    proxies::{Asked, Proxies},
     questions::{Answers, Question},
+    tls::{Tls, TlsError},
+    tokens::{PersonName, Tokens},
     warnings::Warnings,
 };
 use crate::http::{self, Asker};
@@ -65,12 +75,31 @@ pub enum PageError {
     Thread(#[source] io::Error),
 }
 
-/// The page of one scene, and the links of its viewers: a transport of the scheme `http`.
+/// How a page is served, and to whom.
+#[derive(Debug)]
+pub struct PageOptions {
+    /// The tokens that open it.
+    pub tokens: Tokens,
+    /// Its certificate; without one it is not encrypted.
+    pub tls: Option<Tls>,
+    /// The proxies in front of it.
+    pub proxies: Proxies,
+    /// The options of its links.
+    pub ws: WsOptions,
+    /// Those of its connections.
+    pub tcp: TcpOptions,
+}
+
+/// The page of one scene, and the links of its viewers: a transport of the scheme `http`, or `https`.
 #[derive(Clone)]
 pub struct Pages(Arc<Inner>);
 
 struct Inner {
-    token: Token,
+    /// The text behind `token=` in the page's address.
+    shown: String,
+    access: Access,
+    tls: Option<Tls>,
+    proxies: Proxies,
     scene: Bytes,
     answers: Arc<Answers>,
     answering: Answering,
@@ -78,21 +107,22 @@ struct Inner {
     people: People,
     warnings: Warnings,
     drive: Option<Drive>,
-    options: WsOptions,
+    ws: WsOptions,
     tcp: TcpOptions,
 }
 
+/// A person's own token takes its place in the address.
+const OWN_TOKEN: &str = "TOKEN";
+
 impl Pages {
-    /// The page of a scene, for clients with the `token`.
+    /// The page of a scene.
     ///
     /// # Errors
     /// When the program was built without the page, or a part of the scene cannot be read.
     pub fn new(
         scene: &Arc<Scene>,
         description: &SceneDescription,
-        token: Token,
-        options: WsOptions,
-        tcp: TcpOptions,
+        options: PageOptions,
         drive: Option<Drive>,
     ) -> Result<Self, PageError> {
         if ASSETS.is_empty() {
@@ -101,8 +131,18 @@ impl Pages {
         let answers = Arc::new(Answers::new(scene, description.eye_height)?);
         let answering = Answering::start(&answers).map_err(PageError::Thread)?;
         let scene = serde_json::to_vec(description)?.into();
+        let PageOptions { tokens, tls, proxies, ws, tcp } = options;
+        let shown = match &tokens {
+            Tokens::One(token) => token.as_str(),
+            Tokens::Listed(_) => OWN_TOKEN,
+        };
+        let (shown, access) = (shown.to_owned(), Access::default());
+        access.replace(&tokens);
         Ok(Self(Arc::new(Inner {
-            token,
+            shown,
+            access,
+            tls,
+            proxies,
             scene,
             answers,
             answering,
@@ -110,15 +150,15 @@ impl Pages {
             people: People::default(),
             warnings: Warnings::default(),
             drive,
-            options,
+            ws,
             tcp,
         })))
     }
 
     /// The endpoint to listen at.
     #[must_use]
-    pub fn endpoint(at: SocketAddr) -> Endpoint {
-        Endpoint::other("http", &at.to_string())
+    pub fn endpoint(&self, at: SocketAddr) -> Endpoint {
+        Endpoint::other(self.scheme(), &at.to_string())
     }
 
     /// How many pages are open.
@@ -130,7 +170,25 @@ impl Pages {
     /// The page's address for a person, if it listens at `at`.
     #[must_use]
     pub fn url(&self, at: &Endpoint) -> String {
-        format!("{at}/?token={}", self.0.token.as_str())
+        format!("{at}/?token={}", self.0.shown)
+    }
+
+    /// Takes these tokens in place of those before. Links of the others end.
+    pub fn replace_tokens(&self, tokens: &Tokens) {
+        self.0.access.replace(tokens);
+    }
+
+    /// Ends the tokens whose time has come, and their links.
+    pub fn expire_tokens(&self, now: SystemTime) {
+        self.0.access.expire(now);
+    }
+
+    /// Reads the certificate again, for new connections.
+    ///
+    /// # Errors
+    /// If the new one cannot be used: then the old one stays.
+    pub fn renew_certificate(&self) -> Result<(), TlsError> {
+        self.0.tls.as_ref().map_or(Ok(()), Tls::read_again)
     }
 }
 
@@ -142,17 +200,22 @@ impl fmt::Debug for Pages {
 
 impl Transport for Pages {
     fn scheme(&self) -> &'static str {
-        "http"
+        if self.is_encrypted() { "https" } else { "http" }
     }
 
-    /// Only browsers connect to a page; displays use `ws://`.
+    fn is_encrypted(&self) -> bool {
+        self.0.tls.is_some()
+    }
+
+    /// Only browsers connect to a page; displays use `ws://` or `wss://`.
     fn connect<'a>(
         &'a self,
         _net: &'a Arc<dyn Net>,
         address: &'a str,
         _beside: Option<StreamPeer>,
     ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
-        let cause = io::Error::new(io::ErrorKind::Unsupported, "a page is for browsers: connect to ws://");
+        let cause =
+            io::Error::new(io::ErrorKind::Unsupported, "a page is for browsers: connect to ws:// or wss://");
         Box::pin(std::future::ready(Err(AttemptError::Connect { address: address.to_owned(), cause })))
     }
 
@@ -181,20 +244,33 @@ impl Transport for Pages {
     }
 }
 
+/// The paths that take a token.
+const OF_THE_SCENE: [&str; 9] =
+    ["/drive", "/people", "/link", "/scene", "/part", "/children", "/search", "/snap", "/tile"];
+
 /// The bytes of an answer.
 pub(super) type Body = Full<Bytes>;
 
 /// How to answer a request.
 enum Answer {
     Response(Response<Body>),
-    /// The connection becomes a link, maybe over a simulated network.
-    Link(Response<Body>, OnUpgrade, Option<Arc<Network>>),
+    /// The connection becomes a link.
+    Link(Response<Body>, Opening),
     /// The answer takes a moment.
     Later(Question),
     /// The report of a page's walk.
     Report(Drive),
     /// A page's message with its person's pose.
-    Meet,
+    Meet(Option<PersonName>),
+}
+
+/// A link that is being opened.
+struct Opening {
+    upgrade: OnUpgrade,
+    /// The simulated network that it crosses.
+    network: Option<Arc<Network>>,
+    grant: Grant,
+    peer: StreamPeer,
 }
 
 impl From<Response<Body>> for Answer {
@@ -220,79 +296,92 @@ impl Pages {
         links: mpsc::Sender<Stream>,
         stream: Stream,
     ) -> BoxFuture<'static, ()> {
-        let (pages, clock) = (self.clone(), Arc::clone(&net));
-        let Stream { reader, writer, peer } = stream;
-        let answer = service_fn(move |mut request: Request<Incoming>| {
-            let answer = pages.answer(&mut request, &net);
-            let (pages, net, links) = (pages.clone(), Arc::clone(&net), links.clone());
-            async move {
-                Ok::<_, Infallible>(match answer {
-                    Answer::Response(response) => response,
-                    Answer::Link(response, upgrade, network) => {
-                        net.spawn(Box::pin(open(upgrade, network, peer, links)));
-                        response
-                    }
-                    Answer::Later(question) => pages.think(Asker::of(peer), question).await,
-                    Answer::Report(drive) => take_report(request, &drive).await,
-                    Answer::Meet => pages.meet(Asker::of(peer), request, net.now()).await,
-                })
-            }
-        });
-        let serving = http1::Builder::new()
-            .timer(TokioTimer::new())
-            .header_read_timeout(ASKING)
-            .serve_connection(TokioIo::new(join(reader, writer)), answer)
-            .with_upgrades();
-        let serving: BoxFuture<'static, _> = Box::pin(serving);
-        // A client that goes away, or does not speak HTTP, is not worth a message.
+        let pages = self.clone();
         Box::pin(async move {
+            let encrypted = match &pages.0.tls {
+                Some(tls) => until(&*net, net.now().after(ASKING), tls.accept(stream)).await,
+                None => Some(Ok(stream)),
+            };
+            // A client that goes away, or does not speak TLS or HTTP, is not worth a message.
+            let Some(Ok(Stream { reader, writer, peer })) = encrypted else { return };
+            let clock = Arc::clone(&net);
+            let answer = service_fn(move |request| {
+                pages.clone().answer(request, peer, Arc::clone(&net), links.clone())
+            });
+            let serving = http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(ASKING)
+                .serve_connection(TokioIo::new(join(reader, writer)), answer)
+                .with_upgrades();
+            let serving: BoxFuture<'static, _> = Box::pin(serving);
             let _served = until(&*clock, clock.now().after(CONNECTION), serving).await;
         })
     }
 
-    fn answer(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
+    /// Answers a request that came from `peer`, the client or a proxy.
+    async fn answer(
+        self,
+        mut request: Request<Incoming>,
+        peer: StreamPeer,
+        net: Arc<dyn Net>,
+        links: mpsc::Sender<Stream>,
+    ) -> Result<Response<Body>, Infallible> {
+        let asked = self.0.proxies.asked(peer, request.headers(), self.is_encrypted());
+        let asker = Asker::of(asked.peer);
+        Ok(match self.decide(&mut request, asked, &net) {
+            Answer::Response(response) => response,
+            Answer::Link(response, opening) => {
+                net.spawn(Box::pin(open(opening, links)));
+                response
+            }
+            Answer::Later(question) => self.think(asker, question).await,
+            Answer::Report(drive) => take_report(request, &drive).await,
+            Answer::Meet(name) => self.meet(asker, name, request, net.now()).await,
+        })
+    }
+
+    fn decide(&self, request: &mut Request<Incoming>, asked: Asked, net: &Arc<dyn Net>) -> Answer {
         let path = request.uri().path();
-        match path {
-            "/drive" => return self.drive(request),
-            "/people" if !self.knows_token(request) => return wrong_token().into(),
-            "/people" if request.method() == Method::POST => return Answer::Meet,
-            _ => {}
-        }
+        let is_post = request.method() == Method::POST && matches!(path, "/drive" | "/people");
         match (path, request.method()) {
             // A page is served once the scene is open.
             ("/livez" | "/readyz", &(Method::GET | Method::HEAD)) => {
                 return plain(StatusCode::OK, "ok\n").into();
             }
             (_, &Method::GET) => {}
+            _ if is_post => {}
             _ => return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into(),
         }
         if path == "/"
-            && let Err(ws::ForeignOrigin { origin }) = self.0.options.check_host(request.headers())
+            && let Err(ws::ForeignOrigin { origin }) = self.0.ws.check_site(&asked.site)
         {
             return unknown_name(&origin).into();
         }
         if let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) {
             return asset.answer(request.headers()).into();
         }
-        let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
-        let question = Question::parse(path, query);
+        if !OF_THE_SCENE.contains(&path) {
+            return nothing_here().into();
+        }
+        let Some(grant) = self.grant(request) else { return wrong_token().into() };
+        let name = asked.name.clone().or_else(|| grant.name.clone());
         match path {
-            "/link" => self.link(request, net),
-            "/scene" | "/part" | "/children" | "/search" | "/snap" | "/tile"
-                if !self.knows_token(request) =>
-            {
-                wrong_token().into()
+            "/drive" => self.drive(request),
+            "/people" if is_post => Answer::Meet(name),
+            "/link" => self.link(request, &asked, grant, net),
+            "/scene" => {
+                tell_of(name.as_ref(), asked.peer);
+                file("application/json", self.0.scene.clone()).into()
             }
-            "/scene" => file("application/json", self.0.scene.clone()).into(),
-            _ => question.map_or_else(|| nothing_here().into(), Answer::Later),
+            _ => {
+                let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
+                Question::parse(path, query).map_or_else(|| nothing_here().into(), Answer::Later)
+            }
         }
     }
 
     /// Sends the walk that a page is to repeat, or takes its report.
     fn drive(&self, request: &Request<Incoming>) -> Answer {
-        if !self.knows_token(request) {
-            return wrong_token().into();
-        }
         match &self.0.drive {
             Some(drive) if request.method() == Method::GET => {
                 file("application/json", drive.path.clone()).into()
@@ -303,11 +392,17 @@ impl Pages {
     }
 
     /// Registers a person, who meets the others.
-    async fn meet(&self, asker: Asker, request: Request<Incoming>, now: Instant) -> Response<Body> {
+    async fn meet(
+        &self,
+        asker: Asker,
+        name: Option<PersonName>,
+        request: Request<Incoming>,
+        now: Instant,
+    ) -> Response<Body> {
         let Some(here) = json(request, LONGEST_MEETING).await else {
             return plain(StatusCode::BAD_REQUEST, "that is no place of a person\n");
         };
-        match self.0.people.meet(asker, here, now).map(|company| serde_json::to_vec(&company)) {
+        match self.0.people.meet(asker, name, here, now).map(|company| serde_json::to_vec(&company)) {
             Ok(Ok(company)) => file("application/json", company.into()),
             _ => plain(StatusCode::BAD_REQUEST, "that is no place of a person\n"),
         }
@@ -322,11 +417,14 @@ impl Pages {
     }
 
     /// Upgrades the connection to a WebSocket.
-    fn link(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
-        if !self.knows_token(request) {
-            return wrong_token().into();
-        }
-        if let Err(foreign) = self.0.options.check(request.headers()) {
+    fn link(
+        &self,
+        request: &mut Request<Incoming>,
+        asked: &Asked,
+        grant: Grant,
+        net: &Arc<dyn Net>,
+    ) -> Answer {
+        if let Err(foreign) = self.0.ws.check_at(&asked.site, request.headers()) {
             self.0.warnings.warn(&foreign, net.now());
             return plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n").into();
         }
@@ -339,7 +437,9 @@ impl Pages {
         };
         match network {
             Ok(network) => {
-                Answer::Link(answer.map(|()| Full::default()), hyper::upgrade::on(request), network)
+                let upgrade = hyper::upgrade::on(request);
+                let opening = Opening { upgrade, network, grant, peer: asked.peer };
+                Answer::Link(answer.map(|()| Full::default()), opening)
             }
             Err(fault) => {
                 self.0.warnings.warn(&fault, net.now());
@@ -348,22 +448,24 @@ impl Pages {
         }
     }
 
-    /// Whether the query begins with the token: `?token=...`.
-    fn knows_token(&self, request: &Request<Incoming>) -> bool {
-        let first = request.uri().query().and_then(|query| query.split('&').next());
-        first.and_then(|first| first.strip_prefix("token=")).is_some_and(|given| self.0.token.is(given))
+    /// The grant of the token with which the query begins: `?token=...`.
+    fn grant(&self, request: &Request<Incoming>) -> Option<Grant> {
+        let first = request.uri().query()?.split('&').next()?;
+        self.0.access.grant(first.strip_prefix("token=")?)
+    }
+}
+
+/// Logs that a person has opened the page.
+fn tell_of(name: Option<&PersonName>, peer: StreamPeer) {
+    if let StreamPeer::Tcp(address) = peer {
+        tracing::info!(name = name.map(PersonName::as_str), %address, "opens the page");
     }
 }
 
 /// Hands on a WebSocket once it is upgraded.
-async fn open(
-    upgrade: OnUpgrade,
-    network: Option<Arc<Network>>,
-    peer: StreamPeer,
-    links: mpsc::Sender<Stream>,
-) {
+async fn open(Opening { upgrade, network, grant, peer }: Opening, links: mpsc::Sender<Stream>) {
     if let Ok(upgraded) = upgrade.await {
-        let connection = TokioIo::new(upgraded);
+        let connection = grant.over(TokioIo::new(upgraded));
         let stream = match network {
             Some(network) => ws::stream(network.cross(connection), peer).await,
             None => ws::stream(connection, peer).await,
@@ -411,7 +513,7 @@ fn nothing_here() -> Response<Body> {
 }
 
 fn wrong_token() -> Response<Body> {
-    plain(StatusCode::FORBIDDEN, "the token in the address is not the one that was printed at the start\n")
+    plain(StatusCode::FORBIDDEN, "the token in the address is not valid, or not any more\n")
 }
 
 pub(super) fn plain(status: StatusCode, text: &'static str) -> Response<Body> {

@@ -4,7 +4,7 @@ use std::{
     fmt,
     fs::{self, File},
     io::{self, Read, Write},
-    path::Path,
+    path::{Path, PathBuf},
     str::FromStr,
 };
 
@@ -25,6 +25,30 @@ pub struct Token(String);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("a token has {SHORTEST} to {LONGEST} letters, digits, hyphens and underscores")]
 pub struct TokenError;
+
+/// Why there is no token in a file.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum TokenFileError {
+    /// The file cannot be read.
+    #[error("cannot read the token in {file}", file = file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        #[source]
+        cause: io::Error,
+    },
+    /// It has something else.
+    #[error("{file} has no token", file = file.display())]
+    Token {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        #[source]
+        cause: TokenError,
+    },
+}
 
 impl Token {
     /// A token that cannot be guessed: 128 random bits.
@@ -53,6 +77,16 @@ impl Token {
         Ok(token)
     }
 
+    /// The token that is all of a file, but for white space around it.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has something else.
+    pub fn from_file(file: &Path) -> Result<Self, TokenFileError> {
+        let read = fs::read_to_string(file);
+        let text = read.map_err(|cause| TokenFileError::Read { file: file.to_owned(), cause })?;
+        text.trim().parse().map_err(|cause| TokenFileError::Token { file: file.to_owned(), cause })
+    }
+
     /// The token in a file, if it is valid and other users cannot read the file.
     fn read(file: &Path) -> Option<Self> {
         if !fs::symlink_metadata(file).ok()?.is_file() {
@@ -72,12 +106,6 @@ impl Token {
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
-    }
-
-    /// Compares `text` with this token in constant time.
-    pub(super) fn is(&self, text: &str) -> bool {
-        let differs = self.0.bytes().zip(text.bytes()).fold(0, |differs, (a, b)| differs | (a ^ b));
-        self.0.len() == text.len() && differs == 0
     }
 }
 
@@ -119,14 +147,30 @@ mod tests {
     #[test]
     fn a_token_is_long_enough_and_needs_no_quoting_in_an_address() {
         let token: Token = "0123456789abcdef".parse().unwrap();
-        for other in ["", "0123456789abcde", "0123456789abcdef0", "1123456789abcdef", "0123456789abcdeg"] {
-            assert!(!token.is(other), "{other}");
-        }
-        assert!(token.is("0123456789abcdef"));
+        assert_eq!(token.as_str(), "0123456789abcdef");
         for bad in ["", "0123456789abcde", "0123456789abcd/f", "0123456789abcdé", &"a".repeat(129)] {
             assert_eq!(bad.parse::<Token>().unwrap_err(), TokenError, "{bad}");
         }
         assert_eq!(format!("{token:?}"), "Token");
+    }
+
+    #[test]
+    fn a_file_has_a_token_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("token");
+        let read = |text: &str| {
+            fs::write(&file, text).unwrap();
+            Token::from_file(&file).map(String::from).map_err(|error| error.to_string())
+        };
+        for text in ["0123456789abcdef", "0123456789abcdef\n", " 0123456789abcdef\r\n\n"] {
+            assert_eq!(read(text).as_deref(), Ok("0123456789abcdef"), "{text:?}");
+        }
+        for text in ["", "short", "0123456789abcdef 0123456789abcdef", "TRIMARAN_TOKEN=0123456789abcdef"] {
+            let refused = read(text).unwrap_err();
+            assert!(refused.contains("has no token") && !refused.contains("0123456789"), "{refused}");
+        }
+        fs::remove_file(&file).unwrap();
+        assert!(matches!(Token::from_file(&file), Err(TokenFileError::Read { .. })));
     }
 
     #[cfg(unix)]

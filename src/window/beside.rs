@@ -78,8 +78,11 @@ impl Beside {
 
     /// Connects to the culler of a service, until it says which scene it has. `None` if it does not come in
     /// time.
-    pub(super) fn find(&self, at: Endpoint) -> Result<Option<(SceneOutline, Seeking)>, SessionError> {
-        let mut options = Options::default();
+    pub(super) fn find(
+        &self,
+        at: Endpoint,
+        mut options: Options,
+    ) -> Result<Option<(SceneOutline, Seeking)>, SessionError> {
         // The number of ids in a frame is checked once the culler has come: it is not known yet.
         options.link.max_frame = u32::MAX;
         let _within = self.runtime.enter();

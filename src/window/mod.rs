@@ -114,7 +114,7 @@ pub fn open_service(
     let screen = Screen::open(options)?;
     let beside = Beside::new(options, runtime)?;
     let at = service.endpoint().map_err(WindowError::Service)?;
-    let found = beside.find(at).map_err(WindowError::Session)?;
+    let found = beside.find(at, service.options()).map_err(WindowError::Session)?;
     let (outline, seeking) = found.ok_or(WindowError::Service(AskError::Late))?;
     let scene = Arc::new(Scene::empty(outline));
     let asked = (service.clone(), runtime.clone());

@@ -7,10 +7,10 @@ use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_proto::Viewport;
 use trimaran_scene::heightfield::Tile;
-use trimaran_transport::{Endpoint, EndpointError, Net, TokioNet, until};
+use trimaran_transport::{Endpoint, EndpointError, Net, Options, TokioNet, until, ws::WsOptions};
 
 use super::navigate::Start;
-use crate::http::{GetError, get};
+use crate::http::{GetError, get, get_over_tls};
 
 /// The timeout of a request.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
@@ -18,14 +18,17 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 /// The address of a service, and the token that grants access.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceAt {
+    /// Whether it is reached over TLS.
+    is_encrypted: bool,
     /// Host and port.
     at: String,
     token: String,
+    ws: WsOptions,
 }
 
 /// A text is not the address of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("give the address that `trimaran serve` has printed: http://HOST:PORT/?token=TOKEN")]
+#[error("give the address that `trimaran serve` has printed: http://HOST:PORT/?token=TOKEN, or https://..")]
 pub struct NoService;
 
 /// Why a request to a service failed.
@@ -79,9 +82,21 @@ impl Described {
 }
 
 impl ServiceAt {
+    /// The same, reached with these options.
+    #[must_use]
+    pub fn with_ws(self, ws: WsOptions) -> Self {
+        Self { ws, ..self }
+    }
+
     /// The endpoint of its links.
     pub(super) fn endpoint(&self) -> Result<Endpoint, AskError> {
-        format!("ws://{}/link?token={}", self.at, self.token).parse().map_err(AskError::Link)
+        let scheme = if self.is_encrypted { "wss" } else { "ws" };
+        format!("{scheme}://{}/link?token={}", self.at, self.token).parse().map_err(AskError::Link)
+    }
+
+    /// The options of its links.
+    pub(super) fn options(&self) -> Options {
+        Options::default().with_ws(self.ws.clone())
     }
 
     /// Gets the description of its scene.
@@ -98,8 +113,14 @@ impl ServiceAt {
 
     fn ask(&self, what: &str, which: &str, runtime: &Handle) -> Result<Vec<u8>, AskError> {
         let target = format!("{what}?token={}{which}", self.token);
-        let net = TokioNet::new(runtime.clone());
-        let answer = runtime.block_on(until(&net, net.now().after(TIMEOUT), get(&self.at, &target)));
+        let (net, links) = (TokioNet::new(runtime.clone()), self.endpoint()?);
+        let answer = async {
+            match &links {
+                Endpoint::Wss(links) => get_over_tls(&links.at, &target, &self.ws).await,
+                _ => get(&self.at, &target).await,
+            }
+        };
+        let answer = runtime.block_on(until(&net, net.now().after(TIMEOUT), answer));
         Ok(answer.ok_or(AskError::Late)??.to_vec())
     }
 }
@@ -108,8 +129,13 @@ impl FromStr for ServiceAt {
     type Err = NoService;
 
     fn from_str(url: &str) -> Result<Self, NoService> {
-        let (at, rest) =
-            url.strip_prefix("http://").and_then(|rest| rest.split_once('/')).ok_or(NoService)?;
+        let (scheme, rest) = url.split_once("://").ok_or(NoService)?;
+        let (is_encrypted, usual_port) = match scheme {
+            "http" => (false, 80),
+            "https" => (true, 443),
+            _ => return Err(NoService),
+        };
+        let (at, rest) = rest.split_once('/').ok_or(NoService)?;
         let (_, query) = rest.split_once('?').ok_or(NoService)?;
         let query = query.split_once('#').map_or(query, |(query, _)| query);
         let token = query.split('&').find_map(|pair| pair.strip_prefix("token=")).ok_or(NoService)?;
@@ -122,9 +148,9 @@ impl FromStr for ServiceAt {
         let at = if at.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
             at.to_owned()
         } else {
-            format!("{at}:80")
+            format!("{at}:{usual_port}")
         };
-        Ok(Self { at, token: token.to_owned() })
+        Ok(Self { is_encrypted, at, token: token.to_owned(), ws: WsOptions::default() })
     }
 }
 
@@ -139,9 +165,10 @@ mod tests {
         assert_eq!(read("http://10.0.0.1:7480/?token=0123456789abcdef"), of("10.0.0.1:7480"));
         assert_eq!(read("http://[::1]:7480/?token=0123456789abcdef#view=7"), of("[::1]:7480"));
         assert_eq!(read("http://plant.example/?a=b&token=0123456789abcdef"), of("plant.example:80"));
+        assert_eq!(read("https://plant.example/?token=0123456789abcdef"), of("plant.example:443"));
         for bad in [
             "plant.scene",
-            "https://plant.example/?token=0123456789abcdef",
+            "ftp://plant.example/?token=0123456789abcdef",
             "http://plant.example",
             "http://plant.example/",
             "http://plant.example/?token=",
@@ -155,8 +182,9 @@ mod tests {
 
     #[test]
     fn links_are_where_pages_have_them() {
-        let service: ServiceAt = "http://10.0.0.1:7480/?token=0123456789abcdef".parse().unwrap();
-        let links = service.endpoint().unwrap().to_string();
-        assert_eq!(links, "ws://10.0.0.1:7480/link?token=0123456789abcdef");
+        let links = |url: &str| url.parse::<ServiceAt>().unwrap().endpoint().unwrap().to_string();
+        let at = "10.0.0.1:7480/link?token=0123456789abcdef";
+        assert_eq!(links("http://10.0.0.1:7480/?token=0123456789abcdef"), format!("ws://{at}"));
+        assert_eq!(links("https://10.0.0.1:7480/?token=0123456789abcdef"), format!("wss://{at}"));
     }
 }

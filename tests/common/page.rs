@@ -22,6 +22,8 @@ pub(crate) struct Service {
     child: Child,
     /// Host and port.
     pub(crate) at: String,
+    /// The address that it has printed.
+    pub(crate) printed: String,
 }
 
 impl Service {
@@ -39,18 +41,33 @@ impl Service {
     pub(crate) fn with_token(bench: &Bench, scene: &str, listen: &str, token: &str) -> Option<Self> {
         let mut command = bench.command(&["serve", scene, "--listen", listen, "--token", token]);
         command.env("TRIMARAN_WS_ALLOW_ORIGINS", "https://plant.example,http://pages:7480");
+        let service = Self::by(command)?;
+        assert_eq!(service.printed, format!("http://{}/?token={token}", service.at));
+        Some(service)
+    }
+
+    /// The service that a command starts.
+    pub(crate) fn by(mut command: Command) -> Option<Self> {
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut service = Self { child, at: String::new() };
+        let mut service = Self { child, at: String::new(), printed: String::new() };
         let mut line = String::new();
         BufReader::new(service.child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let Some(url) = line.trim().strip_prefix("http://") else {
+        let Some((_, url)) = line.split_once("://") else {
             let mut said = String::new();
             service.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
             return skipped(&said);
         };
         url.split_once('/').unwrap().0.clone_into(&mut service.at);
-        assert_eq!(url, format!("{}/?token={token}", service.at));
+        line.trim().clone_into(&mut service.printed);
         Some(service)
+    }
+
+    /// Ends it, and returns its output on standard error.
+    pub(crate) fn said(mut self) -> String {
+        self.child.kill().unwrap();
+        let mut said = String::new();
+        self.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        said
     }
 
     /// Its number among processes.
@@ -89,10 +106,10 @@ impl Service {
 
 impl Drop for Service {
     fn drop(&mut self) {
-        if let Ok(Some(ended)) = self.child.try_wait() {
+        if let (Ok(Some(ended)), Some(mut from)) = (self.child.try_wait(), self.child.stderr.take()) {
             // A page without a service returns less.
             let mut said = String::new();
-            let _bytes = self.child.stderr.take().map(|mut from| from.read_to_string(&mut said));
+            let _bytes = from.read_to_string(&mut said);
             println!("the service at {} ended by itself, {ended}: {said}", self.at);
         }
         let _ended = self.child.kill();
@@ -123,6 +140,11 @@ impl Browser {
     /// The same, as a phone without a mouse.
     pub(crate) fn with_touch(width: u32, height: u32) -> Option<Self> {
         Self::with(&[&width.to_string(), &height.to_string(), "touch"])
+    }
+
+    /// The same, with these flags of Chromium.
+    pub(crate) fn with_flags(flags: &[&str]) -> Option<Self> {
+        Self::with(&[&["300", "300"][..], flags].concat())
     }
 
     /// The page's renderer alone, which draws a case a line.

@@ -19,8 +19,8 @@ use ws::LONGEST_PATH as LONGEST_WS_PATH;
 pub use ws::{WsEndpoint, WsPath};
 
 /// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`,
-/// `ws://host:port/path`, `unix:/path` or `inproc:name`. The port of `udp` may be followed by
-/// `?mode=reliable` or `?mode=deadline`. The path of `ws` may be left out.
+/// `ws://host:port/path`, `wss://host:port/path`, `unix:/path` or `inproc:name`. The port of `udp` may be
+/// followed by `?mode=reliable` or `?mode=deadline`. The path of `ws` and `wss` may be left out.
 ///
 /// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when
 /// listening. [`fmt::Display`] writes text that parses to the same value.
@@ -36,6 +36,8 @@ pub enum Endpoint {
     Quic(HostPort),
     /// WebSockets (RFC 6455), as pages in browsers open them.
     Ws(WsEndpoint),
+    /// WebSockets over TLS (RFC 8446), to connect to: a proxy or another server listens there.
+    Wss(WsEndpoint),
     /// Unix stream sockets: peers on this machine.
     Unix(SocketPath),
     /// Peers in this process.
@@ -69,7 +71,7 @@ pub enum EndpointFault {
     /// It has no transport in front.
     #[error(
         "it names no transport; give tcp://host:port, udp://host:port, quic://host:port, ws://host:port/path, \
-         unix:/path or inproc:name"
+         wss://host:port/path, unix:/path or inproc:name"
     )]
     Scheme,
     /// It has no port.
@@ -86,8 +88,8 @@ pub enum EndpointFault {
     Query,
     /// The path of a WebSocket's address.
     #[error(
-        "behind the port of ws may follow / and a path of at most {LONGEST_WS_PATH} letters, digits and \
-         -._~!$&'()*+,;=:@%/?"
+        "behind the port of ws or wss may follow / and a path of at most {LONGEST_WS_PATH} letters, digits \
+         and -._~!$&'()*+,;=:@%/?"
     )]
     WsPath,
     /// The path of a socket.
@@ -106,8 +108,8 @@ impl Endpoint {
         Self::Other(OtherEndpoint { scheme: scheme.to_owned(), address: address.to_owned() })
     }
 
-    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `ws`, `unix`, `inproc`, or
-    /// another.
+    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `ws`, `wss`, `unix`,
+    /// `inproc`, or another.
     #[must_use]
     pub fn transport(&self) -> &str {
         match self {
@@ -115,6 +117,7 @@ impl Endpoint {
             Self::Udp(_) => "udp",
             Self::Quic(_) => "quic",
             Self::Ws(_) => "ws",
+            Self::Wss(_) => "wss",
             Self::Unix(_) => "unix",
             Self::Inproc(_) => "inproc",
             Self::Other(other) => &other.scheme,
@@ -126,7 +129,7 @@ impl Endpoint {
         match self {
             Self::Tcp(at) | Self::Quic(at) => at.to_string(),
             Self::Udp(at) => at.to_string(),
-            Self::Ws(at) => at.to_string(),
+            Self::Ws(at) | Self::Wss(at) => at.to_string(),
             Self::Unix(path) => path.to_string(),
             Self::Inproc(name) => name.to_string(),
             Self::Other(other) => other.address.clone(),
@@ -139,6 +142,7 @@ impl Endpoint {
             Self::Tcp(_) => address.parse().map(Self::Tcp),
             Self::Quic(_) => address.parse().map(Self::Quic),
             Self::Ws(_) => address.parse().map(Self::Ws),
+            Self::Wss(_) => address.parse().map(Self::Wss),
             Self::Udp(at) => address.parse().map(|to| Self::Udp(UdpEndpoint { at: to, mode: at.mode })),
             Self::Unix(_) => address.parse().map(Self::Unix),
             Self::Inproc(_) => address.parse().map(Self::Inproc),
@@ -162,6 +166,7 @@ impl FromStr for Endpoint {
             Some(("udp", rest)) => UdpEndpoint::behind_scheme(rest).map(Self::Udp),
             Some(("quic", rest)) => authority(rest).map(Self::Quic),
             Some(("ws", rest)) => authority(rest).map(Self::Ws),
+            Some(("wss", rest)) => authority(rest).map(Self::Wss),
             Some(("unix", path)) => path.parse().map(Self::Unix),
             Some(("inproc", name)) => name.parse().map(Self::Inproc),
             _ => Err(EndpointFault::Scheme),
@@ -181,7 +186,7 @@ impl fmt::Display for Endpoint {
         match self {
             Self::Tcp(at) | Self::Quic(at) => write!(f, "{transport}://{at}"),
             Self::Udp(at) => write!(f, "{transport}://{at}"),
-            Self::Ws(at) => write!(f, "{transport}://{at}"),
+            Self::Ws(at) | Self::Wss(at) => write!(f, "{transport}://{at}"),
             Self::Unix(path) => write!(f, "{transport}:{path}"),
             Self::Inproc(name) => write!(f, "{transport}:{name}"),
             Self::Other(OtherEndpoint { address, .. }) => write!(f, "{transport}://{address}"),
@@ -231,6 +236,7 @@ mod tests {
             "tcp://[2001:db8::7]:1",
             "ws://localhost:80",
             "ws://[::1]:8080/plant/link?token=a%20b",
+            "wss://plant.example:443/link?token=7",
             "unix:/run/trimaran/display.sock",
             "inproc:display",
         ] {
@@ -270,7 +276,7 @@ mod tests {
         ] {
             assert_eq!(fault(text), EndpointFault::Host, "{text:?}");
         }
-        for text in ["ws://a:1/a b", "ws://a:1/a#b", "ws://a:1?b", "ws://a:1/ü"] {
+        for text in ["ws://a:1/a b", "ws://a:1/a#b", "ws://a:1?b", "ws://a:1/ü", "wss://a:1?b"] {
             assert_eq!(fault(text), EndpointFault::WsPath, "{text:?}");
         }
         assert_eq!(fault("ws://a/b"), EndpointFault::NoPort);
@@ -302,7 +308,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_is_read_is_written_the_same(text in "(tcp|udp|quic|ws|unix|inproc):(//|/)?[a-z0-9:\\[\\]./_-]{0,20}(:[0-9]{1,5})?") {
+        fn whatever_is_read_is_written_the_same(text in "(tcp|udp|quic|wss?|unix|inproc):(//|/)?[a-z0-9:\\[\\]./_-]{0,20}(:[0-9]{1,5})?") {
             if let Ok(endpoint) = text.parse::<Endpoint>() {
                 prop_assert_eq!(&endpoint.to_string().parse::<Endpoint>().unwrap(), &endpoint);
             }

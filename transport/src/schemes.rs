@@ -17,8 +17,9 @@ pub(crate) fn transport_of(endpoint: &Endpoint, options: &Options) -> io::Result
         #[cfg(feature = "unix")]
         Endpoint::Unix(_) => streams(Arc::new(crate::unix::Unix(options.unix.clone()))),
         #[cfg(feature = "ws")]
-        Endpoint::Ws(at) => streams(Arc::new(crate::ws::WebSockets {
+        Endpoint::Ws(at) | Endpoint::Wss(at) => streams(Arc::new(crate::ws::WebSockets {
             at: at.clone(),
+            is_encrypted: matches!(endpoint, Endpoint::Wss(_)),
             tcp: options.tcp,
             options: options.ws.clone(),
         })),

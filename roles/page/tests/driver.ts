@@ -19,6 +19,7 @@ const PATIENCE = 60_000;
 
 const [width = 512, height = 512] = process.argv.slice(2, 4).map(Number);
 const isTouch = process.argv[4] === "touch";
+const flags = process.argv.slice(4).filter((argument) => argument.startsWith("--"));
 const browser = await chromium.launch({
   executablePath: process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium",
   args: [
@@ -27,6 +28,7 @@ const browser = await chromium.launch({
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
     "--enable-precise-memory-info",
+    ...flags,
   ],
 });
 const page = await browser.newPage({ viewport: { width, height }, hasTouch: isTouch, isMobile: isTouch });

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { test } from "node:test";
-import { Service } from "../src/service/service.ts";
+import { called, Service } from "../src/service/service.ts";
 
 /** Answers of a service, in order: a status, and after how many seconds to ask again. */
 async function asked(answers: readonly (readonly [status: number, after?: string])[]) {
@@ -32,4 +32,9 @@ test("a page asks again where the service is busy, and says so in the end", asyn
   assert.deepEqual(await asked(Array.from({ length: 9 }, () => [503, "0.01"] as const)), ["busy", 5]);
   assert.deepEqual(await asked([[503], [200]]), ["busy", 1]);
   assert.deepEqual(await asked([[404, "0.01"], [200]]), ["busy", 1]);
+});
+
+test("a person is called by name where there is one, and never taken for another", () => {
+  assert.equal(called({ number: 3 }), "Person 3");
+  assert.equal(called({ number: 3, name: "Ada" }), "Ada (3)");
 });

@@ -37,7 +37,7 @@ pub(crate) struct LinkFlags {
 #[derive(Debug, Args)]
 pub(crate) struct PingArgs {
     /// Where, such as `tcp://host:7500`, `udp://host:7500`, `quic://host:7500`,
-    /// `ws://host:7500` or `unix:/path`.
+    /// `ws://host:7500`, `wss://host:7500` or `unix:/path`.
     pub(crate) endpoint: Endpoint,
     /// Listen there and send back what comes, until interrupted: the other end of a ping.
     #[arg(long)]

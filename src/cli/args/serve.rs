@@ -4,28 +4,23 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use bytesize::ByteSize;
 use clap::Args;
-use trimaran::{
-    config::{memory, positive},
-    page::Token,
-};
+use trimaran::config::{memory, positive};
 use trimaran_proto::Viewport;
 
 #[cfg(feature = "window")]
 use super::walks::{Size, size};
-use super::{links::LinkFlags, scenes::ReadingArgs};
+use super::{access::AccessArgs, links::LinkFlags, scenes::ReadingArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
     /// Where to listen for pages and for displays. Others than this machine's own reach it at an address of
-    /// its network, such as 0.0.0.0:7480. It is not encrypted: put a proxy with TLS in front where others
-    /// can listen.
+    /// its network, such as 0.0.0.0:7480. It is not encrypted without --tls-cert.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7480", env = "TRIMARAN_LISTEN")]
     pub(crate) listen: SocketAddr,
-    /// The secret in the page's address, 16 to 128 letters and digits [default: a new one each time].
-    #[arg(long, value_name = "TOKEN", env = "TRIMARAN_TOKEN", hide_env_values = true)]
-    pub(crate) token: Option<Token>,
+    #[command(flatten)]
+    pub(crate) access: AccessArgs,
     /// Show metrics on http://ADDRESS:PORT/metrics, and probes at /livez and /readyz.
     #[arg(long, value_name = "ADDRESS:PORT", env = "TRIMARAN_METRICS")]
     pub(crate) metrics: Option<SocketAddr>,

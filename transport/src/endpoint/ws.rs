@@ -46,7 +46,7 @@ impl FromStr for WsPath {
 impl FromStr for WsEndpoint {
     type Err = EndpointFault;
 
-    /// Parses the part behind `ws://`.
+    /// Parses the part behind `ws://` or `wss://`.
     fn from_str(text: &str) -> Result<Self, EndpointFault> {
         let (at, path) = text.split_at(text.find(['/', '?']).unwrap_or(text.len()));
         Ok(Self { at: at.parse()?, path: path.parse()? })

@@ -38,10 +38,11 @@ where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
     let (sink, stream) = socket.split();
-    // A peer that crashed may not have closed the WebSocket: the byte stream ends either way.
+    // A peer that crashed may have closed neither the WebSocket nor TLS: the byte stream ends either way.
     let messages = stream.scan((), |(), message| {
         future::ready(match message {
             Err(Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => None,
+            Err(Error::Io(e)) if e.kind() == io::ErrorKind::UnexpectedEof => None,
             message => Some(message.map_err(io_error)),
         })
     });

@@ -1,9 +1,10 @@
 //! Links over WebSockets (RFC 6455), which pass proxies and open from pages in browsers: one for each lane,
-//! as over TCP.
+//! as over TCP. `wss://` connects over TLS.
 
 mod bytes;
 mod options;
 mod origin;
+mod tls;
 
 use std::io;
 use std::sync::Arc;
@@ -18,23 +19,28 @@ use tokio_tungstenite::{WebSocketStream, accept_hdr_async_with_config, client_as
 use trimaran_net::{BoxFuture, Net, Stream, StreamPeer, TcpOptions};
 
 pub use options::WsOptions;
-pub use origin::{ForeignOrigin, Origin, OriginError};
+pub use origin::{ForeignOrigin, Origin, OriginError, Site};
 
 use crate::WsEndpoint;
 use crate::tcp;
 use crate::transport::{AttemptError, ListenFault, Listening, Transport, Upgrade, first_address};
 
-/// WebSockets over TCP.
+/// WebSockets over TCP, or over TLS.
 #[derive(Debug, Clone)]
 pub(crate) struct WebSockets {
     pub(crate) at: WsEndpoint,
+    pub(crate) is_encrypted: bool,
     pub(crate) tcp: TcpOptions,
     pub(crate) options: WsOptions,
 }
 
 impl Transport for WebSockets {
     fn scheme(&self) -> &'static str {
-        "ws"
+        if self.is_encrypted { "wss" } else { "ws" }
+    }
+
+    fn is_encrypted(&self) -> bool {
+        self.is_encrypted
     }
 
     fn connect<'a>(
@@ -44,14 +50,17 @@ impl Transport for WebSockets {
         beside: Option<StreamPeer>,
     ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
         Box::pin(async move {
-            let failed = |e| AttemptError::Connect { address: address.to_owned(), cause: bytes::io_error(e) };
-            let Stream { reader, writer, peer } =
-                tcp::open(net, self.tcp, &self.at.at.to_string(), beside).await?;
-            let url = format!("ws://{}{}", self.at.at, self.at.path.as_str());
+            let failed = |cause| AttemptError::Connect { address: address.to_owned(), cause };
+            let mut stream = tcp::open(net, self.tcp, &self.at.at.to_string(), beside).await?;
+            if self.is_encrypted {
+                stream = self.options.encrypt(&self.at.at.host, stream).await.map_err(failed)?;
+            }
+            let Stream { reader, writer, peer } = stream;
+            let url = format!("{}://{}{}", self.scheme(), self.at.at, self.at.path.as_str());
             let (socket, _answer) =
                 client_async_with_config(url, join(reader, writer), Some(bytes::config()))
                     .await
-                    .map_err(failed)?;
+                    .map_err(|e| failed(bytes::io_error(e)))?;
             Ok(bytes::of(socket, peer))
         })
     }
@@ -62,6 +71,10 @@ impl Transport for WebSockets {
         _address: &'a str,
     ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
         Box::pin(async move {
+            if self.is_encrypted {
+                let why = "links do not listen over TLS: listen at ws:// behind a proxy that does";
+                return Err(io::Error::new(io::ErrorKind::Unsupported, why).into());
+            }
             let at = first_address(net, &self.at.at.to_string()).await?;
             let (socket, at) = net.listen_tcp(at, self.tcp)?;
             let at = WsEndpoint { at: at.into(), path: self.at.path.clone() };

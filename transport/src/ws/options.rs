@@ -1,5 +1,7 @@
 //! Options of WebSockets.
 
+use std::path::PathBuf;
+
 use super::Origin;
 
 /// Options of WebSockets. Those of TCP apply as well.
@@ -12,10 +14,14 @@ pub struct WsOptions {
     /// Needed if the page has another host or port than the listener, behind a proxy, and if the listener has
     /// a name. Default none.
     pub allow_origins: Vec<Origin>,
+    /// The certificate authorities, a PEM file, that vouch for the listeners of `wss://`, such as a
+    /// plant's own. Default those of the system.
+    pub ca: Option<PathBuf>,
 }
 
 impl WsOptions {
     trimaran_net::setters! {
         with_allow_origins allow_origins: Vec<Origin>,
+        with_ca ca: Option<PathBuf>,
     }
 }

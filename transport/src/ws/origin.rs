@@ -27,6 +27,34 @@ pub struct ForeignOrigin {
     pub origin: String,
 }
 
+/// A site under the name by which a browser asks for it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Site {
+    /// Whether the browser asks over TLS, and so has checked that the name is this site's.
+    pub is_encrypted: bool,
+    /// The host, with its port unless it is the usual one.
+    pub host: String,
+}
+
+impl Site {
+    /// The site of a request that came without TLS and with these headers.
+    #[must_use]
+    pub fn of(headers: &HeaderMap) -> Self {
+        let host = headers.get(header::HOST).map(|host| String::from_utf8_lossy(host.as_bytes()));
+        Self { is_encrypted: false, host: host.unwrap_or_default().into_owned() }
+    }
+
+    /// The origin of its pages.
+    fn origin(&self) -> String {
+        format!("{}://{}", if self.is_encrypted { "https" } else { "http" }, self.host)
+    }
+
+    /// Whether no stranger can have given this site its name.
+    fn has_own_name(&self) -> bool {
+        (self.is_encrypted && !self.host.is_empty()) || has_no_foreign_name(&self.host)
+    }
+}
+
 impl FromStr for Origin {
     type Err = OriginError;
 
@@ -72,15 +100,22 @@ impl WsOptions {
     /// # Errors
     /// If it may not.
     pub fn check(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
+        self.check_at(&Site::of(headers), headers)
+    }
+
+    /// The same for a site that knows more of itself. Over TLS a page may connect under any name by which it
+    /// was served: strangers have no certificate for it.
+    ///
+    /// # Errors
+    /// If it may not.
+    pub fn check_at(&self, site: &Site, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
         let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
         let origin = String::from_utf8_lossy(origin.as_bytes()).into_owned();
-        if self.allow_origins.iter().any(|allowed| allowed.0 == origin) {
+        let is_own = origin == site.origin() && site.has_own_name();
+        if is_own || self.allow_origins.iter().any(|allowed| allowed.0 == origin) {
             return Ok(());
         }
-        let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
-        let served = origin.strip_prefix("http://");
-        let is_own = served.is_some() && served == host && host.is_some_and(has_no_foreign_name);
-        if is_own { Ok(()) } else { Err(ForeignOrigin { origin }) }
+        Err(ForeignOrigin { origin })
     }
 
     /// Whether a page requested with these headers may open a WebSocket later. Its origin has the name of the
@@ -89,15 +124,19 @@ impl WsOptions {
     /// # Errors
     /// If it may not.
     pub fn check_host(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
-        let host = headers.get(header::HOST).map(|host| String::from_utf8_lossy(host.as_bytes()));
-        let host = host.unwrap_or_default();
-        let origins = ["http", "https"].map(|scheme| format!("{scheme}://{host}"));
-        if has_no_foreign_name(&host) || self.allow_origins.iter().any(|allowed| origins.contains(&allowed.0))
-        {
+        self.check_site(&Site::of(headers))
+    }
+
+    /// The same for a site that knows more of itself.
+    ///
+    /// # Errors
+    /// If it may not.
+    pub fn check_site(&self, site: &Site) -> Result<(), ForeignOrigin> {
+        let origins = ["http", "https"].map(|scheme| format!("{scheme}://{}", site.host));
+        if site.has_own_name() || self.allow_origins.iter().any(|allowed| origins.contains(&allowed.0)) {
             return Ok(());
         }
-        let [origin, _] = origins;
-        Err(ForeignOrigin { origin })
+        Err(ForeignOrigin { origin: site.origin() })
     }
 }
 
@@ -116,7 +155,8 @@ mod tests {
     #[test]
     fn a_page_is_served_by_a_name_from_which_it_may_connect() {
         let allow_origins = ["https://plant.example", "http://pages:7480"];
-        let options = WsOptions { allow_origins: allow_origins.map(|origin| origin.parse().unwrap()).into() };
+        let options = WsOptions::default()
+            .with_allow_origins(allow_origins.map(|origin| origin.parse().unwrap()).into());
         let is_served = |host: &str| {
             let headers = HeaderMap::from_iter([(header::HOST, host.parse().unwrap())]);
             options.check_host(&headers).is_ok()
@@ -163,10 +203,30 @@ mod tests {
             assert!(!is_taken(&options, Some(&format!("http://{host}")), host), "{host}");
         }
         let allow_origins = vec!["https://plant.example".parse().unwrap()];
-        let options = WsOptions { allow_origins };
+        let options = WsOptions::default().with_allow_origins(allow_origins);
         assert!(is_taken(&options, Some("https://plant.example"), "10.0.0.1:7400"));
         assert!(!is_taken(&options, Some("http://plant.example"), "plant.example"));
         assert!(!is_taken(&options, Some("https://plant.example:8443"), "plant.example:8443"));
+    }
+
+    #[test]
+    fn over_tls_a_page_may_connect_under_the_name_that_its_browser_has_checked() {
+        let options = WsOptions::default();
+        let is_taken = |is_encrypted, host: &str, origin: &str| {
+            let site = Site { is_encrypted, host: host.to_owned() };
+            let headers = HeaderMap::from_iter([(header::ORIGIN, origin.parse().unwrap())]);
+            assert_eq!(options.check_site(&site).is_ok(), site.has_own_name(), "{site:?}");
+            options.check_at(&site, &headers).is_ok()
+        };
+        for host in ["plant.example", "plant.example:8443", "10.0.0.1:7480"] {
+            assert!(is_taken(true, host, &format!("https://{host}")), "{host}");
+            assert!(!is_taken(true, host, &format!("http://{host}")), "{host}");
+            assert!(!is_taken(false, host, &format!("https://{host}")), "{host}");
+        }
+        assert!(!is_taken(false, "plant.example", "http://plant.example"));
+        // Without its port a host is another one.
+        assert!(!is_taken(true, "plant.example", "https://plant.example:8443"));
+        assert!(!is_taken(true, "", "https://"));
     }
 
     #[test]

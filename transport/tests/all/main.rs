@@ -51,3 +51,5 @@ mod untyped;
 mod way;
 #[cfg(feature = "ws")]
 mod ws;
+#[cfg(feature = "ws")]
+mod wss;

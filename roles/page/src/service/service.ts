@@ -119,12 +119,22 @@ export interface Company {
   readonly you: number;
   /** Whether another page shows this one's sets. */
   readonly isFollowed: boolean;
-  readonly others: readonly {
-    readonly number: number;
-    readonly pose: PersonPose;
-    /** The number by which the person's display is followed, in hexadecimal. */
-    readonly leader?: string;
-  }[];
+  readonly others: readonly Person[];
+}
+
+/** Another person on the service. */
+export interface Person {
+  readonly number: number;
+  /** The name that the service or its proxy knows. */
+  readonly name?: string;
+  readonly pose: PersonPose;
+  /** The number by which the person's display is followed, in hexadecimal. */
+  readonly leader?: string;
+}
+
+/** What a person is called: names may be the same, numbers are not. */
+export function called({ number, name }: Pick<Person, "number" | "name">): string {
+  return name === undefined ? `Person ${number}` : `${name} (${number})`;
 }
 
 /** How often the page retries while the service is busy. */
@@ -136,7 +146,7 @@ export class RefusedError extends Error {}
 /** The status by which the service refuses a token. */
 const FORBIDDEN = 403;
 const WRONG_TOKEN =
-  "The token in the address is not valid any more. Open the address that the service printed at its start.";
+  "The token in the address is not valid any more. Ask for a new one, or open the address that was printed.";
 
 /** The service from which the page came. Every request throws an explanation if there is no answer. */
 export class Service {

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { copyText } from "../controls/copyButton.tsx";
+import { called } from "../service/service.ts";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type KeptViewpoint, KeptViewpoints, ViewpointsError } from "./kept.ts";
@@ -147,13 +148,13 @@ function PeopleList({ people }: { readonly people: People }) {
   return (
     <ul aria-label="People">
       {others.length > 0 && <li>You are person {you}</li>}
-      {others.map(({ number }) => (
-        <li key={number}>
-          Person {number}
+      {others.map((person) => (
+        <li key={person.number}>
+          {called(person)}
           <Button
             text="Follow"
-            aria-pressed={followed.value === number}
-            onClick={() => people.follow(followed.value === number ? undefined : number)}
+            aria-pressed={followed.value === person.number}
+            onClick={() => people.follow(followed.value === person.number ? undefined : person.number)}
           />
         </li>
       ))}

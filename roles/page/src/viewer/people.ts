@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import type { Shown } from "../display/display.ts";
 import { forwardOf } from "../navigate/gaze.ts";
 import { isForControl } from "../navigate/typing.ts";
-import type { Company, PersonPose } from "../service/service.ts";
+import { type Company, called, type PersonPose } from "../service/service.ts";
 import { distance, lerp } from "../space/point.ts";
 import type { Viewer } from "./viewer.ts";
 
@@ -79,6 +79,7 @@ export class People {
     for (;;) {
       const { display, navigator, service } = this.#viewer;
       const { eye, forward, vfovDeg } = navigator;
+      const before = this.company.peek();
       try {
         const follows = display?.leader === undefined ? undefined : this.followed.peek();
         this.company.value = await service.meet({
@@ -95,7 +96,8 @@ export class People {
       const { others } = this.company.peek();
       const followed = this.followed.peek();
       if (followed !== undefined && !others.some(({ number }) => number === followed)) {
-        this.#viewer.said.value = `Person ${followed} has left.`;
+        const person = before.others.find(({ number }) => number === followed);
+        this.#viewer.said.value = `${called(person ?? { number: followed })} has left.`;
         this.follow(undefined);
       }
       this.#subscribe();
