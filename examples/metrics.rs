@@ -6,7 +6,7 @@
 use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use trimaran::metrics::LinkMetrics;
+use trimaran::metrics::{LinkMetrics, Metrics};
 use trimaran_actors::{FrameEvent, FrameStart, Link};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until, ws::WsOptions};
@@ -23,7 +23,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     // Counting costs next to nothing. The metrics can be read at any time, with the links alive or not.
     let metrics = LinkMetrics::of([&culler]);
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
-    let serving = metrics.clone().serve(
+    let serving = Metrics::of("example", metrics.clone()).serve(
         address.unwrap_or(any),
         &WsOptions::default(),
         &tokio::runtime::Handle::current(),
