@@ -82,7 +82,8 @@ pub(crate) enum Command {
     Serve(ServeArgs),
     /// Walk a camera through a scene with the three roles and write a report.
     Run(RunArgs),
-    /// Add to a report the pictures and checks that were left out when its walk was stopped.
+    /// Add to a report the pictures and checks that were left out when its walk was stopped; or put many walks
+    /// on one page.
     Report(ReportArgs),
     /// Walk the same path at several error bounds: speed against error.
     #[cfg(feature = "lab")]

@@ -36,6 +36,9 @@ pub(super) struct Kind {
 
 /// Cooked scenes.
 pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_scene::looks_like_a_scene };
+/// Pages of the report.
+pub(super) const PAGE: Kind =
+    Kind { name: "page of a report", begins: |bytes| bytes.starts_with(b"<!DOCTYPE html>") };
 /// Traces of walks.
 #[cfg(feature = "lab")]
 pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };

@@ -3,7 +3,6 @@
 use maud::Render;
 
 use super::{
-    interval::Interval,
     schema::{
         CoherencePoint, Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, Popping,
         SystemFigures, SystemFrame,
@@ -13,6 +12,7 @@ use super::{
 use crate::report::{
     format,
     html::chart::{Chart, Mark, Series},
+    interval::Interval,
 };
 
 /// A figure.
@@ -181,7 +181,7 @@ fn curves(comparison: &Comparison) -> Vec<Figure> {
     let figure = |(cost, error): (Quantity, Quantity)| {
         let of = |points: &[&CurvePoint], quantity: Quantity| {
             let figures = points.iter().filter_map(|point| (quantity.of)(point, &comparison.popping));
-            Some(Interval::of(figures)?.mean)
+            Some(Interval::of_mean(figures)?.value)
         };
         let line = |system: System| {
             let mut bounds: Vec<f64> = comparison.curve.iter().map(|point| point.epsilon_px).collect();

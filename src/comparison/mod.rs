@@ -2,7 +2,6 @@
 //! occlusion culling. They walk through one scene on the same paths at one error bound.
 
 mod figures;
-mod interval;
 mod page;
 mod paths;
 #[cfg(test)]

@@ -5,7 +5,6 @@ use trimaran_cull::Image;
 
 use super::{
     figures::Figure,
-    interval::Interval,
     schema::{Comparison, ComparisonTable, DrawnFigures, SystemFigures},
     system::System,
     tables::{Table, ratio, right, walks},
@@ -13,6 +12,7 @@ use super::{
 use crate::report::{
     format::{figure, grouped, plural},
     html::{card, document, embeddable, table, walk},
+    interval::Interval,
 };
 
 /// A frame, identical for all systems whose pictures have no wrong pixel.
@@ -181,8 +181,9 @@ fn verdict(table: &ComparisonTable) -> Markup {
         .map(|figures| figures.wrong_pixels().saturating_sub(figures.right_pixels()))
         .sum();
     let audited: u32 = table.systems.iter().map(SystemFigures::audited_frames).sum();
-    let over_exact =
-        |of: fn(&DrawnFigures) -> Option<f64>| Some(Interval::of(ours.drawn.iter().filter_map(of))?.mean);
+    let over_exact = |of: fn(&DrawnFigures) -> Option<f64>| {
+        Some(Interval::of_mean(ours.drawn.iter().filter_map(of))?.value)
+    };
     let objects = over_exact(|drawn| drawn.objects_over_exact);
     let triangles = over_exact(|drawn| drawn.triangles_over_exact);
     html! {
@@ -219,7 +220,7 @@ fn checked(table: &ComparisonTable, frames: u32) -> String {
 /// The bottleneck of a system.
 fn bounds(figures: &SystemFigures) -> String {
     let alone = &figures.alone;
-    let mean = |figures: &[f64]| Some(Interval::of(figures.iter().copied())?.mean);
+    let mean = |figures: &[f64]| Some(Interval::of_mean(figures.iter().copied())?.value);
     let (Some(or), Some(hc), Some(rvg)) = (mean(&alone.or_ms), mean(&alone.hc_ms), mean(&alone.rvg_ms))
     else {
         return "times not known".to_owned();

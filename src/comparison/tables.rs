@@ -1,7 +1,6 @@
 //! The tables of a comparison, for its page, for a terminal and for a document.
 
 use super::{
-    interval::Interval,
     paths::Coherence,
     schema::{
         Comparison, ComparisonTable, CurvePoint, DrawnFigures, ExactFrame, LagPoint, PAPER, PaperModel,
@@ -11,6 +10,7 @@ use super::{
 };
 use crate::report::{
     format::{figure, grouped, plural, with_unit},
+    interval::Interval,
     text,
 };
 
@@ -405,7 +405,7 @@ fn value(value: Option<f64>) -> String {
 
 /// The mean of one figure a path, with its interval where they differ.
 pub(super) fn mean(figures: &[f64]) -> String {
-    let Some(Interval { mean, low, high }) = Interval::of(figures.iter().copied()) else {
+    let Some(Interval { value: mean, low, high }) = Interval::of_mean(figures.iter().copied()) else {
         return NONE.to_owned();
     };
     let [mean, low, high] = [mean, low, high].map(figure);

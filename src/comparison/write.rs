@@ -11,7 +11,7 @@ use super::{
     schema::Comparison,
     tables::{Table, tables},
 };
-use crate::report::{ReportError, io_error};
+use crate::report::{ReportError, io_error, write_whole};
 
 /// Writes a comparison into the existing folder `dir`: first the figures, then the page. Returns the page.
 ///
@@ -23,10 +23,7 @@ pub fn write(
     pictures: &[ComparedPicture],
 ) -> Result<PathBuf, ReportError> {
     let put = |path: PathBuf, text: String| {
-        // Whole or not at all: a reader never finds half a page.
-        let beside = path.with_extension("part");
-        fs::write(&beside, text).map_err(io_error("writing", &beside))?;
-        fs::rename(&beside, &path).map_err(io_error("writing", &path))?;
+        write_whole(&path, &text).map_err(io_error("writing", &path))?;
         Ok::<_, ReportError>(path)
     };
     let folder = dir.join("figures");

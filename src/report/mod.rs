@@ -8,13 +8,16 @@ mod bandwidth;
 mod error;
 pub(crate) mod format;
 pub(crate) mod html;
+pub(crate) mod interval;
 mod left;
+pub mod many_walks;
 mod pictures;
 #[cfg(test)]
 pub(crate) mod sample;
 pub mod schema;
 pub mod text;
 mod unfinished;
+mod whole_file;
 mod write;
 
 pub use bandwidth::FrameLoad;
@@ -24,4 +27,5 @@ pub(crate) use error::io_error;
 pub use left::Left;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};
+pub use whole_file::write_whole;
 pub use write::{Paths, UNCHECKED, Writer, write};

@@ -228,13 +228,17 @@ pub(crate) struct SweepArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
-    /// The folder of the report.
-    #[arg(value_name = "DIR")]
-    pub(crate) folder: PathBuf,
+    /// The folder of the report; with --together the folders of many.
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) folders: Vec<PathBuf>,
+    /// Write one page about all walks: a row a walk, and medians over the walks of a kind. Nothing is drawn or
+    /// checked. Exit code 3 if a walk ended early, lacks checks or has no report.
+    #[arg(long, value_name = "PAGE.html", conflicts_with = "scene")]
+    pub(crate) together: Option<PathBuf>,
     /// The scene, where it is not where it was.
     #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
-    /// Print the report's summary as JSON.
+    /// Print the report's summary as JSON, or with --together the walks.
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]

@@ -35,6 +35,28 @@ pub(crate) fn embeddable(data: &impl Serialize) -> Result<String, serde_json::Er
     Ok(serde_json::to_string(data)?.replace('<', "\\u003c"))
 }
 
+/// A finding in one sentence, with a mark before it. `class` is `good`, `bad` or `unknown`.
+pub(crate) fn verdict(class: &str, mark: &str, text: &str) -> Markup {
+    html! {
+        p class={ "verdict " (class) } { span aria-hidden="true" { (mark) } " " (text) }
+    }
+}
+
+/// A figure; `beside` states its error.
+pub(crate) fn tile(name: &str, value: &str, beside: &[String]) -> Markup {
+    badged_tile(&html! { (name) }, value, beside)
+}
+
+fn badged_tile(name: &Markup, value: &str, beside: &[String]) -> Markup {
+    html! {
+        div.tile {
+            div.name { (name) }
+            div.value { (value) }
+            @for line in beside { div.beside { (line) } }
+        }
+    }
+}
+
 /// A chart under its finding.
 pub(crate) fn card(finding: &str, chart: &impl Render, caption: &str) -> Markup {
     figure("card", finding, chart, caption)

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::file_name;
 use crate::report::format::{figure, grouped, loading, not_culled, plural, with_unit};
+use crate::report::html::{badged_tile, tile, verdict};
 use crate::report::schema::{Bandwidth, DeviationVerdict, Mode, Report, Stat, Summary};
 use crate::report::text::model_hint;
 
@@ -46,12 +47,6 @@ pub(super) fn headline(report: &Report) -> Markup {
     }
 }
 
-fn verdict(class: &str, mark: &str, text: &str) -> Markup {
-    html! {
-        p class={ "verdict " (class) } { span aria-hidden="true" { (mark) } " " (text) }
-    }
-}
-
 /// The audit's finding, in one sentence.
 fn audit_verdict(summary: &Summary) -> Markup {
     let audited = plural(u64::from(summary.audited_frames), "audited frame", "audited frames");
@@ -77,21 +72,6 @@ fn audit_verdict(summary: &Summary) -> Markup {
                 |nodes| plural(nodes, "visible node", "visible nodes"),
             );
             verdict("bad", "✗", &format!("Culling changed {pixels} and lost {nodes} on {of_all}."))
-        }
-    }
-}
-
-/// A figure; `beside` states its error.
-fn tile(name: &str, value: &str, beside: &[String]) -> Markup {
-    badged_tile(&html! { (name) }, value, beside)
-}
-
-fn badged_tile(name: &Markup, value: &str, beside: &[String]) -> Markup {
-    html! {
-        div.tile {
-            div.name { (name) }
-            div.value { (value) }
-            @for line in beside { div.beside { (line) } }
         }
     }
 }
