@@ -137,9 +137,11 @@ impl<'s> DisplaySession<'s> {
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Recording<'s>, Failure> {
-        let Cullers { endpoints, listener, .. } = &self.cullers;
+        let Cullers { endpoints, listener, awaited, .. } = &self.cullers;
         (self.about.link, self.about.transport) = transports(endpoints, listener.as_ref());
-        self.about.cullers = u32::try_from(endpoints.len()).unwrap_or(u32::MAX);
+        // Those that connect by themselves are awaited.
+        let places = endpoints.len().max(awaited.map_or(0, usize::from));
+        self.about.cullers = u32::try_from(places).unwrap_or(u32::MAX);
         let bar = self.bar.clone();
         let mut advance = |frame: FrameNumber| {
             if let Some(bar) = &bar {
@@ -149,7 +151,7 @@ impl<'s> DisplaySession<'s> {
         let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
         let metrics = self.metrics.metrics.clone();
         metrics.opened(opened(self.walk.file, self.walk.drawn));
-        metrics.has_places(endpoints.len());
+        metrics.has_places(places);
         metrics.ready();
         let manager = ServiceManager::of_this_process();
         let net = Arc::clone(&self.net);

@@ -139,9 +139,10 @@ fn display(
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let gpu = role_gpu(&config.gpu);
     let start = Start::new(runtime, config.common.join_timeout_s, until_input_ends);
-    let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
+    let Some(folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
         return Ok(());
     };
+    let mut folder = if config.resumable { folder.resumable() } else { folder };
     let Some(metrics) = start.metrics("display", &config.common, &options)? else { return Ok(()) };
     let Some(path) = &config.scene else {
         return display_without_scene(&config, options, &plan, (folder, metrics), reconfigure, &start);

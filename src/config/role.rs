@@ -176,6 +176,14 @@ pub struct DisplayConfig {
     /// Where report and frames go.
     #[config(env = "TRIMARAN_OUT", layer_attr(arg(long, value_name = "DIR")))]
     pub out: PathBuf,
+    /// Whether a walk that was asked to stop goes on with the next start, as one that was killed does: its
+    /// records stay beside its report. For jobs that a scheduler stops and starts again.
+    #[config(
+        env = "TRIMARAN_RESUMABLE",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
+    pub resumable: bool,
     /// Where to record what each frame asked of the roles, for `trimaran sim --trace`.
     #[config(env = "TRIMARAN_RECORD", layer_attr(arg(long, value_name = "X.trace")))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -397,6 +405,10 @@ impl RoleConfig for DisplayConfig {
         if self.scene.is_none() && self.session.state.is_some() {
             let why = "view states name objects, which only the scene knows: leave it out";
             return Err(ConfigError::Value { key: "session.state", why });
+        }
+        if self.scene.is_none() && self.resumable {
+            let why = "a display without the scene always begins anew: leave it out";
+            return Err(ConfigError::Value { key: "resumable", why });
         }
         if self.schedule == Schedule::Switch.name() && count != 2 {
             return Err(ConfigError::Value { key: "schedule", why: "`switch` takes two `cullers`" });

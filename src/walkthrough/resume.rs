@@ -26,7 +26,7 @@ pub struct Progress {
     pub records: Vec<FrameRecord>,
     /// Its remarks so far.
     pub notes: Vec<String>,
-    /// How long ago the last process stopped, if there was one.
+    /// How long ago the last process stopped, or was killed, if there was one.
     pub gap: Option<Duration>,
 }
 
@@ -133,7 +133,7 @@ impl Progress {
     pub fn went_on(&self) -> Option<String> {
         let gap = Duration::from_secs(self.gap?.as_secs());
         let gap = humantime::format_duration(gap);
-        Some(format!("the display was killed before {} and went on after {gap}", self.first()))
+        Some(format!("the display stopped before {} and went on after {gap}", self.first()))
     }
 
     pub(super) fn state(&self, walk: Walk<'_>) -> WalkState {

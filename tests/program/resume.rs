@@ -19,7 +19,7 @@ const AUDITED: [&str; 2] = ["--audit-every", "1"];
 const LIVE: [&str; 2] = ["--live", "30"];
 /// Longer than a test may wait: only the display's key frees its slot, and there is one.
 const ONE_PLACE: [&str; 4] = ["-o", "link.idle_timeout_s=600", "-o", "limits.peers=1"];
-const WENT_ON: &str = "was killed before frame";
+const WENT_ON: &str = "the display stopped before frame";
 
 fn deploy(transport: &str) -> Deployment {
     Deployment::here(transport, [(); 2].map(|()| unused_port()))
@@ -113,6 +113,33 @@ fn a_display_that_is_killed_while_it_reports_reports_again() {
     let said = start(&deployment, &[&AUDITED[..], &["--join-timeout", "600"]].concat()).ends(0);
     assert!(said.contains(WENT_ON), "{said}");
     assert_eq!(deployment.whole_report()["summary"]["audited_frames"], FRAMES);
+}
+
+/// As a scheduler stops a job that it starts again.
+#[test]
+fn a_display_that_is_stopped_goes_on_if_it_is_resumable() {
+    let deployment = deploy("tcp");
+    let _cullers = deployment.start_cullers(&ONE_PLACE);
+    let mut shown = 0;
+    for _ in 0..2 {
+        let display = start(&deployment, &["--resumable"]);
+        deployment.shows(20);
+        display.interrupt();
+        display.ends(3);
+        // It has a report so far, and keeps its records.
+        let report = deployment.report("walk");
+        assert_eq!(report["summary"]["ended"]["how"], "interrupted");
+        let frames = report["frames"].as_array().unwrap().len();
+        assert!(frames >= shown + 20 && frames == deployment.shown(), "{frames} after {shown}");
+        shown = frames;
+    }
+    let said = start(&deployment, &["--resumable", "--join-timeout", "10"]).ends(0);
+    assert!(said.contains(WENT_ON) && !said.contains("begins without"), "{said}");
+    assert!(!deployment.path("walk/unfinished").exists());
+    let report = deployment.whole_report();
+    assert_eq!((report["frames"].as_array().unwrap().len(), stops(&report)), (FRAMES, 2));
+    start(&deployment, &["--out", "whole"]).ends(0);
+    assert!(pictures(&deployment.path("walk")) == pictures(&deployment.path("whole")), "other pictures");
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn in_walks(name: &str, goes_on: bool, act: impl Fn(&Machine, &str)) {
         [ONE, TWO, DISPLAY].into_iter().for_each(replace);
         let report = walk.is_stopped(&machine);
         let notes = report["run"]["notes"].to_string();
-        for note in ["culler 1 was lost before", "the display was killed before"] {
+        for note in ["culler 1 was lost before", "the display stopped before"] {
             assert_eq!(notes.contains(note), goes_on, "{over:?}: {notes}");
         }
         machine.run("systemctl start trimaran-display");

@@ -12,7 +12,7 @@ use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
 use super::left::{self, Left};
 use super::pictures::{PictureKind, file_name, files_of_report, is_whole};
-use super::schema::{Frame, FramePictures, Report};
+use super::schema::{Frame, FramePictures, HowEnded, Report};
 use super::unfinished::Unfinished;
 
 /// The paths of a report.
@@ -56,6 +56,7 @@ pub struct Writer {
     journal: Option<File>,
     pictures: BTreeSet<(u32, PictureKind)>,
     is_unchecked: bool,
+    is_resumable: bool,
 }
 
 /// The data needed to complete a report later.
@@ -85,7 +86,15 @@ impl Writer {
             journal: None,
             pictures: BTreeSet::new(),
             is_unchecked: false,
+            is_resumable: false,
         })
+    }
+
+    /// The same writer, which keeps the records beside the report of a walk that was asked to stop. So the
+    /// next process can [resume](Self::go_on) it.
+    #[must_use]
+    pub fn resumable(self) -> Self {
+        Self { is_resumable: true, ..self }
     }
 
     /// The records of a killed process; `None` if there are none, or they are invalid.
@@ -239,7 +248,10 @@ impl Writer {
             }
             saved => saved?,
         }
-        self.publish()
+        // A walk of which only checks are missing goes on with these.
+        let stopped = report.summary.ended.how == HowEnded::Interrupted || self.is_unchecked;
+        let goes_on = self.is_resumable && stopped;
+        self.publish(goes_on)
     }
 
     /// Writes a file of the report proper and syncs it to the disk: a full disk may show no earlier.
@@ -273,8 +285,8 @@ impl Writer {
     }
 
     /// Moves everything into place, `report.json` last, and removes pictures of the old report that have no
-    /// successor.
-    fn publish(self) -> Result<Paths, ReportError> {
+    /// successor. The journal stays for a walk that `goes_on`: its pictures are drawn again.
+    fn publish(self, goes_on: bool) -> Result<Paths, ReportError> {
         let paths = Paths {
             json: self.out.join("report.json"),
             html: self.out.join("report.html"),
@@ -300,7 +312,9 @@ impl Writer {
                 _ => {}
             }
         }
-        self.unfinished.discard();
+        if !goes_on {
+            self.unfinished.discard();
+        }
         Ok(paths)
     }
 }
