@@ -19,7 +19,10 @@ mod imports;
 mod keys;
 #[cfg(target_os = "linux")]
 mod limited_memory;
+mod many_walks;
 mod metrics;
+#[cfg(target_os = "linux")]
+mod mpi;
 #[cfg(target_os = "linux")]
 mod partition;
 mod ping;
@@ -32,6 +35,8 @@ mod resume;
 mod second_driver;
 mod services;
 mod simulate_cli;
+#[cfg(target_os = "linux")]
+mod slurm;
 mod sources;
 mod view;
 mod waiting;
