@@ -6,10 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Coherence, System};
+pub use crate::report::schema::COMPARISON_VERSION;
 use crate::report::schema::{Frame, Report, SceneInfo};
-
-/// The version of the schema that this program writes.
-pub const COMPARISON_VERSION: u32 = 2;
 
 /// Systems held against each other.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

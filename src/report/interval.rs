@@ -17,7 +17,6 @@ const RESAMPLES: usize = 4000;
 impl Interval {
     /// The mean of one figure a walk. `None` without any; those that are not finite are left out. The same
     /// figures always have the same interval.
-    #[cfg(feature = "lab")]
     pub(crate) fn of_mean(figures: impl IntoIterator<Item = f64>) -> Option<Self> {
         Self::of(figures, |figures| Some(figures.iter().sum::<f64>() / figures.len() as f64))
     }

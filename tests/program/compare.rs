@@ -130,6 +130,8 @@ fn the_whole_model_is_drawn_at_full_detail() {
         tables.lines().any(|line| line.starts_with("| whole |") && line.ends_with("| – | – |")),
         "{tables}"
     );
+    let page = bench.done(&["report", "c", "--together", "page.html"]);
+    assert!(page.lines().any(|line| line.contains(" whole ") && line.ends_with("not audited")), "{page}");
 }
 
 /// Ctrl-C loses only the path under way.
@@ -155,6 +157,8 @@ fn a_comparison_that_is_interrupted_shows_the_paths_that_were_walked() {
         assert_eq!(figures["measured"]["fps"].as_array().unwrap().len() as u64, paths);
     }
     assert_eq!(found["notes"][0], "ended early: interrupted");
+    let page = bench.trimaran(&["report", "c", "--together", "page.html"]);
+    assert!(page.status.code() == Some(3) && said(&page).contains("1 comparison is incomplete: c"));
 }
 
 #[test]

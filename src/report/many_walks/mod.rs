@@ -1,5 +1,6 @@
 //! Many walks on one page: a row a walk, and medians over the walks of a kind.
 
+mod comparison;
 mod page;
 mod read;
 
@@ -7,7 +8,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use self::read::{Read, read};
+pub use self::comparison::{ComparedSystem, OverPaths};
+use self::read::{Read, Report, read};
 use super::{
     UNCHECKED,
     format::{figure, grouped, plural},
@@ -33,6 +35,8 @@ pub struct ManyWalks {
     pub kinds: Vec<KindFigures>,
     /// The walks, by scene, device, settings and folder.
     pub walks: Vec<WalkRow>,
+    /// The systems of comparisons, in the same order.
+    pub comparisons: Vec<ComparedSystem>,
     /// The folders in which there is no report that can be read, as they were given.
     pub without_report: Vec<WithoutReport>,
 }
@@ -167,21 +171,21 @@ impl ManyWalks {
     /// Reads the reports in these folders; each folder counts once. A sweep stands for its walks.
     #[must_use]
     pub fn read(folders: &[PathBuf]) -> Self {
-        let (mut walks, mut without_report) = (Vec::new(), Vec::new());
+        let (mut walks, mut comparisons, mut without_report) = (Vec::new(), Vec::new(), Vec::new());
         for (folder, found) in read(folders) {
             match found {
-                Ok(found) => walks.push(WalkRow::of(folder, *found)),
+                Ok(Report::Walk(walk)) => walks.push(WalkRow::of(folder, *walk)),
+                Ok(Report::Comparison(comparison)) => comparisons.extend(comparison.systems(&folder)),
                 Err(why) => without_report.push(WithoutReport {
                     folder: folder.display().to_string(),
                     why: why.to_string(),
                 }),
             }
         }
-        Self::of(walks, without_report)
-    }
-
-    fn of(mut walks: Vec<WalkRow>, without_report: Vec<WithoutReport>) -> Self {
         walks.sort_by(|a, b| a.order().cmp(&b.order()));
+        // The systems of a folder stay in the order of its tables.
+        let order = |of: &ComparedSystem| [&of.scene, &of.device, &of.folder].map(|text| natural(text));
+        comparisons.sort_by_cached_key(order);
         let figures = |walks: &[WalkRow]| {
             let kind = walks.first()?.kind.clone();
             Some(KindFigures { kind, figures: WalkFigures::of(walks) })
@@ -193,37 +197,45 @@ impl ManyWalks {
             all: WalkFigures::of(&walks),
             kinds,
             walks,
+            comparisons,
             without_report,
         }
     }
 
-    /// What is missing, in one sentence without a full stop: walks that ended early or lack checks, and folders
-    /// without a report. `None` if nothing is.
+    /// What is missing, in one sentence without a full stop: walks that ended early or lack checks, comparisons
+    /// that ended early, and folders without a report. `None` if nothing is.
     #[must_use]
     pub fn gaps(&self) -> Option<String> {
         let incomplete = self.walks.iter().filter(|walk| !walk.is_whole()).map(|walk| &walk.folder);
+        let mut early: Vec<_> = self.comparisons.iter().filter(|of| of.ended_early).map(|of| &of.folder).collect();
+        early.dedup();
         let missing = self.without_report.iter().map(|folder| &folder.folder);
         let count = |count: usize, one: &str, many: &str| {
             (count > 0).then(|| plural(count as u64, one, many)).into_iter()
         };
         let counts: Vec<_> = count(incomplete.clone().count(), "walk is incomplete", "walks are incomplete")
+            .chain(count(early.len(), "comparison is incomplete", "comparisons are incomplete"))
             .chain(count(missing.len(), "folder has no report", "folders have no report"))
             .collect();
         if counts.is_empty() {
             return None;
         }
-        let all: Vec<_> = incomplete.chain(missing).map(String::as_str).collect();
+        let all: Vec<_> = incomplete.chain(early).chain(missing).map(String::as_str).collect();
         let named = all.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
         let more = all.len().saturating_sub(NAMED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        Some(format!("{}: {named}{more}", counts.join(", and ")))
+        Some(format!("{}: {named}{more}", counts.join(", ")))
     }
 
-    /// The figures of each kind as a table for a terminal, ending in a line break.
+    /// The figures of each kind, and of compared systems, as tables for a terminal, ending in a line break.
     #[must_use]
     pub fn text(&self) -> String {
-        let rows: Vec<Vec<String>> = self.kinds.iter().map(|of| of.cells("-")).collect();
-        if rows.is_empty() { "no walks\n".to_owned() } else { table(&KindFigures::HEAD, &rows) }
+        let kinds: Vec<Vec<String>> = self.kinds.iter().map(|of| of.cells("-")).collect();
+        let systems: Vec<Vec<String>> = self.comparisons.iter().map(|of| of.cells("-")).collect();
+        let tables = [(&KindFigures::HEAD[..], kinds), (&ComparedSystem::HEAD[..], systems)];
+        let tables = tables.iter().filter(|(_, rows)| !rows.is_empty()).map(|(head, rows)| table(head, rows));
+        let tables = tables.collect::<Vec<_>>().join("\n");
+        if tables.is_empty() { "no walks\n".to_owned() } else { tables }
     }
 }
 
@@ -335,7 +347,34 @@ impl KindFigures {
             over(fps),
             over(latency_median_ms),
             over(latency_p95_ms),
-            wrong_pixels.map_or_else(|| "not audited".to_owned(), |pixels| grouped(pixels as f64)),
+            wrong(wrong_pixels),
+        ]
+    }
+}
+
+/// Wrong pixels, in a cell.
+fn wrong(pixels: Option<u64>) -> String {
+    pixels.map_or_else(|| "not audited".to_owned(), |pixels| grouped(pixels as f64))
+}
+
+impl ComparedSystem {
+    /// The columns of its tables.
+    const HEAD: [&'static str; 7] =
+        ["scene", "device", "ε (px)", "system", "MODEL frames/s", "measured frames/s", "wrong pixels"];
+
+    /// Its row; `none` for figures not measured.
+    fn cells(&self, none: &str) -> Vec<String> {
+        let over = |of: Option<OverPaths>| {
+            of.map_or_else(|| none.to_owned(), |OverPaths { mean, low, high }| within([mean, low, high]))
+        };
+        vec![
+            self.scene.clone(),
+            self.device.clone(),
+            figure(self.epsilon_px),
+            self.system.clone(),
+            over(self.model_fps),
+            over(self.measured_fps),
+            wrong(self.wrong_pixels),
         ]
     }
 }
@@ -370,11 +409,15 @@ impl OverWalks {
         Some(Self { walks, median: value, low, high })
     }
 
-    /// The median, and its interval where there is one.
     fn words(self) -> String {
-        let [median, low, high] = [self.median, self.low, self.high].map(figure);
-        if low == high { median } else { format!("{median} ({low} to {high})") }
+        within([self.median, self.low, self.high])
     }
+}
+
+/// A figure, and its interval where it has one.
+fn within(figures: [f64; 3]) -> String {
+    let [value, low, high] = figures.map(figure);
+    if low == high { value } else { format!("{value} ({low} to {high})") }
 }
 
 /// A text by which `walk-2` comes before `walk-10`: words, and the numbers behind them.

@@ -5,7 +5,7 @@ use std::path::Path;
 use maud::{Markup, PreEscaped, html};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_encode};
 
-use super::{KindFigures, ManyWalks, OverWalks, WalkRow};
+use super::{ComparedSystem, KindFigures, ManyWalks, OverWalks, WalkRow};
 use crate::report::format::{figure, grouped, plural, with_unit};
 use crate::report::html::{
     card,
@@ -23,6 +23,7 @@ impl ManyWalks {
     #[must_use]
     pub fn page(&self, page: &Path) -> String {
         let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new("."));
         let body = html! {
             (self.headline())
             main {
@@ -30,8 +31,9 @@ impl ManyWalks {
                 @if !self.walks.is_empty() {
                     h2 #walks { "Each walk" }
                     div.cards { (self.rates()) }
-                    (self.rows(folder.unwrap_or(Path::new("."))))
+                    (self.rows(folder))
                 }
+                (self.compared(folder))
                 (self.folders())
             }
             script { (PreEscaped(include_str!("script.js"))) }
@@ -147,6 +149,27 @@ impl ManyWalks {
         }
     }
 
+    fn compared(&self, from: &Path) -> Markup {
+        html! {
+            @if !self.comparisons.is_empty() {
+                h2 #comparisons { "Comparisons" }
+                p.hint {
+                    "Means over the paths of a comparison, with their 95 % intervals. MODEL: a machine for each \
+                     role, no network. Measured: processes of one machine."
+                }
+                div.card.scroll.walks {
+                    table.sortable {
+                        thead { tr {
+                            th scope="col" { "folder" }
+                            @for title in ComparedSystem::HEAD { th scope="col" { (title) } }
+                        } }
+                        tbody { @for system in &self.comparisons { (system.row(from)) } }
+                    }
+                }
+            }
+        }
+    }
+
     fn folders(&self) -> Markup {
         let rows: Vec<_> =
             self.without_report.iter().map(|of| vec![of.folder.clone(), of.why.clone()]).collect();
@@ -171,15 +194,9 @@ impl WalkRow {
                 (value.map_or_else(|| NONE.to_owned(), |value| grouped(value as f64)))
             }
         };
-        let page = link(from, &self.path_of_folder.join("report.html"));
         html! {
             tr {
-                th scope="row" {
-                    @match page {
-                        Some(page) => { a href=(page) { (self.folder) } }
-                        None => { (self.folder) }
-                    }
-                }
+                (linked(&self.folder, from, &self.path_of_folder.join("report.html")))
                 td.words { (self.kind.scene) }
                 td.words { (self.kind.device) }
                 td.words { (self.kind.words()) }
@@ -190,6 +207,43 @@ impl WalkRow {
                 (count(self.wrong_pixels))
                 (count(Some(self.audited_frames.into())))
                 td.words.early[!self.is_whole()] { (self.ending()) }
+            }
+        }
+    }
+}
+
+impl ComparedSystem {
+    fn row(&self, from: &Path) -> Markup {
+        // As numbers the script sorts them.
+        let mean = [self.model_fps, self.measured_fps].map(|of| of.map_or_else(String::new, |of| of.mean.to_string()));
+        let [model, measured] = mean;
+        let wrong = self.wrong_pixels.map_or_else(String::new, |pixels| pixels.to_string());
+        let [_, _, epsilon, _, model_text, measured_text, wrong_text] =
+            self.cells(NONE).try_into().unwrap_or_default();
+        html! {
+            tr {
+                (linked(&self.folder, from, &self.path_of_folder.join("compare.html")))
+                td.words { (self.scene) }
+                td.words { (self.device) }
+                td data-value=(self.epsilon_px) { (epsilon) }
+                td.words.early[self.ended_early] {
+                    (self.system) @if self.ended_early { "; the comparison ended early" }
+                }
+                td data-value=(model) { (model_text) }
+                td data-value=(measured) { (measured_text) }
+                td data-value=(wrong) { (wrong_text) }
+            }
+        }
+    }
+}
+
+/// The name of a folder, which leads to its page if that is there.
+fn linked(name: &str, from: &Path, page: &Path) -> Markup {
+    html! {
+        th scope="row" {
+            @match link(from, page) {
+                Some(page) => { a href=(page) { (name) } }
+                None => { (name) }
             }
         }
     }

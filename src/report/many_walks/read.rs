@@ -7,21 +7,33 @@ use std::{
 };
 
 use rayon::prelude::*;
-use serde::{Deserialize, de::IgnoredAny};
+use serde::{
+    Deserialize,
+    de::{DeserializeOwned, IgnoredAny},
+};
 use thiserror::Error;
 
-use crate::report::schema::{Run, SCHEMA_VERSION, Summary};
+use super::comparison::ReadComparison;
+use crate::report::schema::{COMPARISON_VERSION, Run, SCHEMA_VERSION, Summary};
 
 /// A report without its frames.
 #[derive(Debug, Deserialize)]
 pub(super) struct Read {
-    schema_version: u32,
     pub(super) run: Run,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) summary: Summary,
     #[serde(default)]
     sweep: Vec<IgnoredAny>,
+}
+
+/// The report in a folder.
+#[derive(Debug)]
+pub(super) enum Report {
+    /// Of a walk.
+    Walk(Box<Read>),
+    /// Of a comparison.
+    Comparison(ReadComparison),
 }
 
 /// Why there is no report to read in a folder.
@@ -31,34 +43,34 @@ pub(super) enum NoReport {
     NoFolder,
     #[error("no report yet: the walk goes on, or its process was killed")]
     Unfinished,
-    #[error("it has no report.json")]
+    #[error("it has no report.json and no compare.json")]
     NoFile,
-    #[error("report.json cannot be read: {0}")]
-    File(#[source] io::Error),
-    #[error("report.json has schema version {0}, and this program reads {SCHEMA_VERSION}")]
-    Version(u32),
-    #[error("report.json is not the report of a walk: {0}")]
-    Format(#[source] serde_json::Error),
+    #[error("{file} cannot be read: {cause}")]
+    File { file: &'static str, cause: io::Error },
+    #[error("{file} has schema version {found}, and this program reads {known}")]
+    Version { file: &'static str, found: u32, known: u32 },
+    #[error("{file} is not what `trimaran` writes: {cause}")]
+    Format { file: &'static str, cause: serde_json::Error },
 }
 
 /// A folder, and what was found in it.
-type Found = (PathBuf, Result<Box<Read>, NoReport>);
+type Found = (PathBuf, Result<Report, NoReport>);
 
 /// The reports in these folders, each once. In the place of a sweep's are those of its walks.
 pub(super) fn read(folders: &[PathBuf]) -> Vec<Found> {
-    let found: Vec<Found> = folders.par_iter().flat_map_iter(|folder| walks(folder)).collect();
+    let found: Vec<Found> = folders.par_iter().flat_map_iter(|folder| reports(folder)).collect();
     let mut known = BTreeSet::new();
     // A folder that is not there is known by its name.
     let is_new = |(folder, _): &Found| known.insert(folder.canonicalize().unwrap_or_else(|_| folder.clone()));
     found.into_iter().filter(is_new).collect()
 }
 
-fn walks(folder: &Path) -> Vec<Found> {
+fn reports(folder: &Path) -> Vec<Found> {
     let found = report(folder);
-    if found.as_ref().is_ok_and(|report| !report.sweep.is_empty()) {
+    if matches!(&found, Ok(Report::Walk(walk)) if !walk.sweep.is_empty()) {
         let walks = folders_with_report(folder);
         if !walks.is_empty() {
-            return walks.into_iter().map(|walk| (report(&walk), walk)).map(|(found, walk)| (walk, found)).collect();
+            return walks.into_iter().map(|walk| (walk.clone(), report(&walk))).collect();
         }
     }
     vec![(folder.to_owned(), found)]
@@ -70,26 +82,42 @@ fn folders_with_report(folder: &Path) -> Vec<PathBuf> {
     within.filter(|path| path.join("report.json").is_file()).collect()
 }
 
-fn report(folder: &Path) -> Result<Box<Read>, NoReport> {
-    let text = fs::read(folder.join("report.json")).map_err(|cause| match cause.kind() {
-        io::ErrorKind::NotFound if !folder.exists() => NoReport::NoFolder,
-        io::ErrorKind::NotFound if folder.join("unfinished").exists() => NoReport::Unfinished,
-        io::ErrorKind::NotFound => NoReport::NoFile,
-        _ => NoReport::File(cause),
-    })?;
-    match serde_json::from_slice::<Box<Read>>(&text) {
-        Ok(report) if report.schema_version == SCHEMA_VERSION => Ok(report),
-        Ok(report) => Err(NoReport::Version(report.schema_version)),
-        Err(cause) => Err(version(&text).map_or(NoReport::Format(cause), NoReport::Version)),
+fn report(folder: &Path) -> Result<Report, NoReport> {
+    if let Some(walk) = file::<Box<Read>>(folder, "report.json", SCHEMA_VERSION)? {
+        return Ok(Report::Walk(walk));
     }
+    if let Some(comparison) = file(folder, "compare.json", COMPARISON_VERSION)? {
+        return Ok(Report::Comparison(comparison));
+    }
+    Err(if !folder.exists() {
+        NoReport::NoFolder
+    } else if folder.join("unfinished").exists() {
+        NoReport::Unfinished
+    } else {
+        NoReport::NoFile
+    })
 }
 
-/// The version of a report that could not be read, if it is another one.
-fn version(text: &[u8]) -> Option<u32> {
+/// A file of a folder, which has this version of its schema; `None` if it is not there.
+fn file<T: DeserializeOwned>(
+    folder: &Path,
+    file: &'static str,
+    known: u32,
+) -> Result<Option<T>, NoReport> {
     #[derive(Deserialize)]
     struct Version {
         schema_version: u32,
     }
-    let Version { schema_version } = serde_json::from_slice(text).ok()?;
-    (schema_version != SCHEMA_VERSION).then_some(schema_version)
+    let text = match fs::read(folder.join(file)) {
+        Err(cause) if matches!(cause.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            return Ok(None);
+        }
+        text => text.map_err(|cause| NoReport::File { file, cause })?,
+    };
+    let format = |cause| NoReport::Format { file, cause };
+    let Version { schema_version: found } = serde_json::from_slice(&text).map_err(format)?;
+    if found != known {
+        return Err(NoReport::Version { file, found, known });
+    }
+    serde_json::from_slice(&text).map(Some).map_err(format)
 }

@@ -80,7 +80,7 @@ fn what_is_missing_is_named_with_its_reason() {
         assert!(why.starts_with(said), "{why}");
     }
     let gaps = walks.gaps().unwrap();
-    assert!(gaps.starts_with("1 walk is incomplete, and 3 folders have no report: "), "{gaps}");
+    assert!(gaps.starts_with("1 walk is incomplete, 3 folders have no report: "), "{gaps}");
     assert!(["walk-3", "walk-4", "walk-5", "walk-6"].iter().all(|name| gaps.contains(name)), "{gaps}");
     // A report that lacks checks is a gap as well.
     let folder = put(dir.path().join("whole"), &walked(5.0));
@@ -107,6 +107,52 @@ fn a_sweep_stands_for_its_walks_and_no_walk_counts_twice() {
     let walks = ManyWalks::read(&[sweep.clone(), sweep.join("epsilon-5"), sweep.join("../sweep")]);
     assert_eq!(names(&walks), ["epsilon-1", "epsilon-5", "epsilon-20"]);
     assert_eq!(walks.gaps(), None);
+}
+
+/// The systems of a comparison on two paths.
+fn compared(notes: &[&str]) -> String {
+    let system = |system: &str, fps: [f64; 2], audited: u32| {
+        serde_json::json!({
+            "system": system,
+            "alone": { "model_fps": fps, "or_ms": [1.0, 1.0] },
+            "measured": { "processes": 3, "fps": [fps[0] / 2.0, fps[1] / 2.0] },
+            "drawn": [0, 1].map(|_| serde_json::json!({ "audited_frames": audited, "wrong_pixels": 2 * audited })),
+        })
+    };
+    let systems = [system("independent-2", [40.0, 60.0], 3), system("frustum", [20.0, 20.0], 0)];
+    let tables = [1.0, 8.0].map(|epsilon| serde_json::json!({ "epsilon_px": epsilon, "systems": systems }));
+    let (scene, device) = (sample::run().scene, "llvmpipe");
+    let version = crate::report::schema::COMPARISON_VERSION;
+    serde_json::json!({
+        "schema_version": version, "scene": scene, "device": device, "tables": tables, "notes": notes,
+    })
+    .to_string()
+}
+
+#[test]
+fn comparisons_have_a_row_a_system_and_error_bound() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("compared");
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("compare.json"), compared(&[])).unwrap();
+    fs::write(folder.join("compare.html"), "").unwrap();
+    let walks = ManyWalks::read(&[folder.clone()]);
+    let rows: Vec<_> = walks.comparisons.iter().map(|of| (of.epsilon_px, of.system.as_str())).collect();
+    assert_eq!(rows, [(1.0, "independent-2"), (1.0, "frustum"), (8.0, "independent-2"), (8.0, "frustum")]);
+    let [first, second, ..] = &walks.comparisons[..] else { panic!("{rows:?}") };
+    let model = first.model_fps.unwrap();
+    assert_eq!((model.mean, model.low, model.high), (50.0, 40.0, 60.0));
+    assert_eq!(first.measured_fps.unwrap().mean, 25.0);
+    assert_eq!((first.audited_frames, first.wrong_pixels), (6, Some(12)));
+    assert_eq!((second.audited_frames, second.wrong_pixels), (0, None));
+    assert_eq!((walks.gaps(), walks.all.walks), (None, 0));
+    let page = walks.page(&dir.path().join("page.html"));
+    assert!(page.contains(r#"<a href="compared/compare.html">"#) && page.contains("50 (40 to 60)"), "{page}");
+    assert!(walks.text().contains("independent-2"), "{}", walks.text());
+
+    fs::write(folder.join("compare.json"), compared(&["ended early: the disk is full"])).unwrap();
+    let gaps = ManyWalks::read(&[folder]).gaps().unwrap();
+    assert!(gaps.starts_with("1 comparison is incomplete: "), "{gaps}");
 }
 
 #[test]
@@ -157,6 +203,8 @@ fn the_documentation_names_every_key() {
     let dir = tempfile::tempdir().unwrap();
     let mut found = BTreeSet::new();
     keys(&serde_json::to_value(example(dir.path())).unwrap(), &mut found);
+    fs::write(dir.path().join("compare.json"), compared(&[])).unwrap();
+    keys(&serde_json::to_value(ManyWalks::read(&[dir.path().into()])).unwrap(), &mut found);
     let docs = include_str!("../../../docs/report.md");
     let docs = docs.split_once("# Many walks on one page").unwrap().1;
     let missing: Vec<_> = found.iter().filter(|key| !docs.contains(&format!("`{key}`"))).collect();

@@ -36,6 +36,9 @@ pub use sweep::SweepPoint;
 /// changes its meaning or goes away brings one.
 pub const SCHEMA_VERSION: u32 = 6;
 
+/// The same of `compare.json`.
+pub const COMPARISON_VERSION: u32 = 2;
+
 /// A whole report: `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
