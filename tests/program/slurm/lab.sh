@@ -3,7 +3,7 @@
 #
 #   lab.sh FOLDER     runs command lines from standard input in the folder, until that ends
 #
-# After the output of each line comes `lab: CODE`. The shell is process 1 of its namespace: with it ends all
+# After the output of each line comes a line `lab: CODE`. The shell is process 1 of its namespace: with it ends all
 # that it has started.
 set -eu
 if [ "$1" != inside ]; then
@@ -12,6 +12,8 @@ fi
 cd "$2"
 hostname lab
 ip link set lo up
+# With loopback addresses alone, Slurm finds nothing to listen on.
+ip address add 192.0.2.1/32 dev lo
 echo "127.0.0.1 localhost lab n0 n1 n2" >hosts
 mount --bind hosts /etc/hosts
 
@@ -50,10 +52,14 @@ done >"$lab/gres.conf"
 export SLURM_CONF=$lab/slurm.conf
 
 slurmctld -D -c >"$lab/slurmctld.log" 2>&1 &
+controller=$!
 for node in n0 n1 n2; do
     slurmd -D -N "$node" >"$lab/$node.log" 2>&1 &
 done
-until [ "$(sinfo --noheader --Node --states=idle 2>/dev/null | wc -l)" = 3 ]; do sleep 0.1; done
+until [ "$(sinfo --noheader --Node --states=idle 2>/dev/null | wc -l)" = 3 ]; do
+    kill -0 "$controller"
+    sleep 0.1
+done
 
 # The numbers of the processes of a role, one a line.
 processes() {
@@ -67,5 +73,5 @@ echo "lab: 0"
 while IFS= read -r line; do
     code=0
     (eval "$line") </dev/null 2>&1 || code=$?
-    echo "lab: $code"
+    printf '\nlab: %s\n' "$code"
 done
