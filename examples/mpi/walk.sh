@@ -13,9 +13,10 @@ shift 4
 port=${PORT:-7400}
 count=$(echo "$cullers" | tr ',' '\n' | wc -l)
 
-# Asked to stop, mpirun gives the display 10 s for its report, where its default is 1 s. A lost culler ends
-# nothing else: the shell around it ends with 0 in any case.
-exec mpirun --mca odls_base_sigkill_timeout 10 \
+# Asked to stop, mpirun waits for so many seconds, asks the processes, waits again and kills what is left. Its
+# default of 1 s is too short for the display's report. A lost culler ends nothing else: the shell around it
+# ends with 0 in any case.
+exec mpirun --mca odls_base_sigkill_timeout "${GRACE_S:-6}" \
     --host "$display" -n 1 trimaran role display --scene "$scene" --out "$out" --resumable \
     --listen "tcp://0.0.0.0:$port" --await "$count" --join-timeout 120 "$@" : \
     --host "$cullers" -n "$count" sh -c '"$@" || true' culler trimaran role culler --scene "$scene" \

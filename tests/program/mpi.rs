@@ -14,8 +14,10 @@ use crate::common::deployment::{culled_by, notes};
 use crate::common::ports::unused_port;
 use crate::common::program::{Bench, Process, signal};
 
-/// A walk by the clock, of 6 s on any machine.
-const LONG: [&str; 5] = ["--live=25", "--frames=150", "--width=64", "--height=64", "--audit-every=0"];
+/// A walk by the clock, of 10 s on any machine.
+const LONG: [&str; 5] = ["--live=25", "--frames=250", "--width=64", "--height=64", "--audit-every=0"];
+/// How long mpirun waits before it passes a signal on, and then before it kills, seconds.
+const GRACE_S: &str = "4";
 
 struct Walks {
     bench: Bench,
@@ -40,7 +42,7 @@ impl Walks {
         let mut command = self.bench.command_of(script.to_str().unwrap(), &[&hosts[..], flags].concat());
         let program = Path::new(env!("CARGO_BIN_EXE_trimaran")).parent().unwrap();
         let path = format!("{}:{}", program.display(), env::var("PATH").unwrap());
-        command.env("PATH", path).env("PORT", &self.port);
+        command.env("PATH", path).env("PORT", &self.port).env("GRACE_S", GRACE_S);
         // As root, and with more processes than cores.
         command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
         command.env("OMPI_MCA_rmaps_base_oversubscribe", "1");
