@@ -31,8 +31,10 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
 
 /// Writes one page about the walks in these folders.
 fn put_together(folders: &[PathBuf], page: &Path, json: bool) -> Result<(), Failure> {
-    let read: Vec<_> =
-        folders.iter().flat_map(|folder| ["report.html", "report.json"].map(|name| folder.join(name))).collect();
+    let read: Vec<_> = folders
+        .iter()
+        .flat_map(|folder| ["report.html", "report.json"].map(|name| folder.join(name)))
+        .collect();
     output::check(page, &output::PAGE, &read).map_err(Failure::bad_input)?;
     let walks = ManyWalks::read(folders);
     write_whole(page, &walks.page(page)).map_err(|cause| {

@@ -170,6 +170,7 @@ pub async fn connect_once<P: Protocol>(
 }
 
 /// This side of the link's protocol.
+#[expect(clippy::result_large_err, reason = "as `connect` has it")]
 fn introduced<P: Protocol>(
     endpoint: &Endpoint,
     hello: P::Hello,

@@ -176,13 +176,11 @@ impl ManyWalks {
             match found {
                 Ok(Report::Walk(walk)) => walks.push(WalkRow::of(folder, *walk)),
                 Ok(Report::Comparison(comparison)) => comparisons.extend(comparison.systems(&folder)),
-                Err(why) => without_report.push(WithoutReport {
-                    folder: folder.display().to_string(),
-                    why: why.to_string(),
-                }),
+                Err(why) => without_report
+                    .push(WithoutReport { folder: folder.display().to_string(), why: why.to_string() }),
             }
         }
-        walks.sort_by(|a, b| a.order().cmp(&b.order()));
+        walks.sort_by_cached_key(WalkRow::order);
         // The systems of a folder stay in the order of its tables.
         let order = |of: &ComparedSystem| [&of.scene, &of.device, &of.folder].map(|text| natural(text));
         comparisons.sort_by_cached_key(order);
@@ -207,7 +205,8 @@ impl ManyWalks {
     #[must_use]
     pub fn gaps(&self) -> Option<String> {
         let incomplete = self.walks.iter().filter(|walk| !walk.is_whole()).map(|walk| &walk.folder);
-        let mut early: Vec<_> = self.comparisons.iter().filter(|of| of.ended_early).map(|of| &of.folder).collect();
+        let mut early: Vec<_> =
+            self.comparisons.iter().filter(|of| of.ended_early).map(|of| &of.folder).collect();
         early.dedup();
         let missing = self.without_report.iter().map(|folder| &folder.folder);
         let count = |count: usize, one: &str, many: &str| {

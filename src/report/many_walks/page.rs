@@ -96,10 +96,14 @@ impl ManyWalks {
         let audited = plural(all.audited_frames, "audited frame", "audited frames");
         let of_all = format!("{audited} of {}", grouped(all.frames as f64));
         match (all.wrong_pixels, all.lost_nodes.unwrap_or(0)) {
-            (None, _) => verdict("unknown", "?", "No frame was audited: nothing is known of the walks' error."),
-            (Some(0), 0) => {
-                verdict("good", "✓", &format!("Culling changed no pixel and lost no visible node on {of_all}."))
+            (None, _) => {
+                verdict("unknown", "?", "No frame was audited: nothing is known of the walks' error.")
             }
+            (Some(0), 0) => verdict(
+                "good",
+                "✓",
+                &format!("Culling changed no pixel and lost no visible node on {of_all}."),
+            ),
             (Some(pixels), nodes) => {
                 let [pixels, nodes] =
                     [plural(pixels, "pixel", "pixels"), plural(nodes, "visible node", "visible nodes")];
@@ -184,14 +188,18 @@ impl ManyWalks {
 
 impl WalkRow {
     fn row(&self, from: &Path) -> Markup {
-        let number = |value: Option<f64>| html! {
-            td data-value=(value.map_or_else(String::new, |value| value.to_string())) {
-                (with_unit(value, "", NONE))
+        let number = |value: Option<f64>| {
+            html! {
+                td data-value=(value.map_or_else(String::new, |value| value.to_string())) {
+                    (with_unit(value, "", NONE))
+                }
             }
         };
-        let count = |value: Option<u64>| html! {
-            td data-value=(value.map_or_else(String::new, |value| value.to_string())) {
-                (value.map_or_else(|| NONE.to_owned(), |value| grouped(value as f64)))
+        let count = |value: Option<u64>| {
+            html! {
+                td data-value=(value.map_or_else(String::new, |value| value.to_string())) {
+                    (value.map_or_else(|| NONE.to_owned(), |value| grouped(value as f64)))
+                }
             }
         };
         html! {
@@ -215,7 +223,8 @@ impl WalkRow {
 impl ComparedSystem {
     fn row(&self, from: &Path) -> Markup {
         // As numbers the script sorts them.
-        let mean = [self.model_fps, self.measured_fps].map(|of| of.map_or_else(String::new, |of| of.mean.to_string()));
+        let mean = [self.model_fps, self.measured_fps]
+            .map(|of| of.map_or_else(String::new, |of| of.mean.to_string()));
         let [model, measured] = mean;
         let wrong = self.wrong_pixels.map_or_else(String::new, |pixels| pixels.to_string());
         let [_, _, epsilon, _, model_text, measured_text, wrong_text] =

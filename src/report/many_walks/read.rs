@@ -99,11 +99,7 @@ fn report(folder: &Path) -> Result<Report, NoReport> {
 }
 
 /// A file of a folder, which has this version of its schema; `None` if it is not there.
-fn file<T: DeserializeOwned>(
-    folder: &Path,
-    file: &'static str,
-    known: u32,
-) -> Result<Option<T>, NoReport> {
+fn file<T: DeserializeOwned>(folder: &Path, file: &'static str, known: u32) -> Result<Option<T>, NoReport> {
     #[derive(Deserialize)]
     struct Version {
         schema_version: u32,

@@ -33,8 +33,11 @@ fn example(at: &Path) -> ManyWalks {
     coarse.run.epsilon_px = 8.0;
     folders.push(put(at.join("<coarse> #1"), &coarse));
     let mut interrupted = walked(1000.0);
-    let ended =
-        Ended { how: HowEnded::Interrupted, why: Some("it was asked to stop".to_owned()), frames_due: Some(90) };
+    let ended = Ended {
+        how: HowEnded::Interrupted,
+        why: Some("it was asked to stop".to_owned()),
+        frames_due: Some(90),
+    };
     interrupted.summary.ended = ended;
     folders.push(put(at.join("walk-3"), &interrupted));
     let [nothing, killed, other] = ["walk-4", "walk-5", "walk-6"].map(|name| at.join(name));
