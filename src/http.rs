@@ -98,6 +98,9 @@ pub enum GetError {
     /// The connection failed.
     #[error("nobody answers there")]
     Connect(#[source] io::Error),
+    /// The connection cannot be encrypted, for instance as the server's certificate is not valid.
+    #[error("the connection cannot be encrypted")]
+    Tls(#[source] io::Error),
     /// The target is not a valid URI.
     #[error("that is no address")]
     Target(#[source] hyper::http::Error),
@@ -141,7 +144,7 @@ pub async fn get_over_tls(at: &HostPort, target: &str, options: &WsOptions) -> R
     let peer = StreamPeer::Tcp(stream.peer_addr().map_err(GetError::Connect)?);
     let (reader, writer) = stream.into_split();
     let stream = Stream { reader: Box::new(reader), writer: Box::new(writer), peer };
-    let Stream { reader, writer, .. } = options.encrypt(&at.host, stream).await.map_err(GetError::Connect)?;
+    let Stream { reader, writer, .. } = options.encrypt(&at.host, stream).await.map_err(GetError::Tls)?;
     ask(join(reader, writer), &host, target).await
 }
 
