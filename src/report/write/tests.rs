@@ -1,5 +1,8 @@
 use super::*;
-use crate::report::sample::{self, AUDIT_EVERY};
+use crate::report::{
+    sample::{self, AUDIT_EVERY},
+    schema::Ended,
+};
 use trimaran_cull::RgbImage;
 
 /// The sample's pictures: all that RVG showed, and the others of audited frames.
@@ -181,6 +184,34 @@ fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
     drop(writer);
     assert_eq!(listing(dir.path()), ["unfinished.before"]);
     assert!(fs::read(dir.path().join("unfinished.before/walk.jsonl")).unwrap().starts_with(&whole));
+}
+
+/// A scheduler stops a job, and starts it again.
+#[test]
+fn the_records_of_a_stopped_walk_stay_beside_its_report_if_it_is_resumable() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut report = sample::report();
+    report.summary.ended.how = HowEnded::Interrupted;
+    for is_resumable in [false, true] {
+        let writer = Writer::open(dir.path()).unwrap();
+        let mut writer = if is_resumable { writer.resumable() } else { writer };
+        writer.begin(&report, Some(&"mine")).unwrap();
+        writer.picture(0, PictureKind::Shown, &sample::picture(0, 0)).unwrap();
+        writer.frame(&report.frames[0], Some(&0)).unwrap();
+        let paths = writer.finish(report.clone()).unwrap();
+        assert!(paths.json.exists() && paths.frames.join("00000.png").exists());
+        assert_eq!(dir.path().join("unfinished").exists(), is_resumable);
+    }
+    // The next process has the records, draws the pictures again, and leaves nothing but its report.
+    let mut writer = Writer::open(dir.path()).unwrap().resumable();
+    let left = writer.left::<Head, Said>().unwrap().unwrap();
+    assert_eq!((left.head.state.as_str(), left.lines.len()), ("mine", 1));
+    writer.go_on(&left, [0]).unwrap();
+    assert!(!writer.has(0, PictureKind::Shown));
+    writer.picture(0, PictureKind::Shown, &sample::picture(0, 0)).unwrap();
+    report.summary.ended = Ended::finished(Some(60));
+    writer.finish(report).unwrap();
+    assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json"]);
 }
 
 /// Processes killed before they record a frame do not damage earlier records.
