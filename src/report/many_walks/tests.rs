@@ -115,11 +115,13 @@ fn a_sweep_stands_for_its_walks_and_no_walk_counts_twice() {
 /// The systems of a comparison on two paths.
 fn compared(notes: &[&str]) -> String {
     let system = |system: &str, fps: [f64; 2], audited: u32| {
+        let drawn =
+            [0, 1].map(|_| serde_json::json!({ "audited_frames": audited, "wrong_pixels": 2 * audited }));
         serde_json::json!({
             "system": system,
             "alone": { "model_fps": fps, "or_ms": [1.0, 1.0] },
             "measured": { "processes": 3, "fps": [fps[0] / 2.0, fps[1] / 2.0] },
-            "drawn": [0, 1].map(|_| serde_json::json!({ "audited_frames": audited, "wrong_pixels": 2 * audited })),
+            "drawn": drawn,
         })
     };
     let systems = [system("independent-2", [40.0, 60.0], 3), system("frustum", [20.0, 20.0], 0)];
