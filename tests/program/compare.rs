@@ -147,8 +147,8 @@ fn a_comparison_that_is_interrupted_shows_the_paths_that_were_walked() {
         comparing.says("has left");
     }
     comparing.signal("INT");
-    let said = comparing.ends(3);
-    assert!(said.contains("the comparison ended early, and its page says so: interrupted"), "{said}");
+    let ended = comparing.ends(3);
+    assert!(ended.contains("the comparison ended early, and its page says so: interrupted"), "{ended}");
     let found: Value = serde_json::from_slice(&fs::read(bench.path("c/compare.json")).unwrap()).unwrap();
     let paths = found["paths"].as_u64().unwrap();
     assert!((2..60).contains(&paths), "{paths}");
