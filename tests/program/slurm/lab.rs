@@ -69,7 +69,7 @@ impl Lab {
 
     /// Submits a script of `examples/slurm` after flags of `sbatch`, and returns the job's number.
     pub(super) fn submit(&mut self, job: &str) -> String {
-        let words = job.split(' ').map(|word| match word.ends_with(".sbatch") {
+        let words = job.split_whitespace().map(|word| match word.ends_with(".sbatch") {
             true => format!("{}/examples/slurm/{word}", env!("CARGO_MANIFEST_DIR")),
             false => word.to_owned(),
         });
