@@ -15,6 +15,8 @@ use crate::report::html::{
 
 /// The characters of a name that a link does not spell out.
 const ENCODED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.').remove(b'~');
+/// The columns of words, which are not numbers.
+const WORDS: [&str; 5] = ["scene", "device", "settings", "system", "how it ended"];
 /// A figure that was not measured.
 const NONE: &str = "–";
 
@@ -50,17 +52,17 @@ impl ManyWalks {
         let of_all = |figures: Option<OverWalks>, unit: &str| {
             with_unit(figures.map(|figures| figures.median), unit, "not measured")
         };
+        let kinds = plural(self.kinds.len() as u64, "kind", "kinds");
         let interval = |figures: Option<OverWalks>| match figures {
             Some(OverWalks { walks, low, high, .. }) => {
                 let walks = plural(walks, "finished walk", "finished walks");
                 vec![
-                    format!("median of {walks}"),
+                    format!("median of {walks} of {kinds}"),
                     format!("95 % interval: {} to {}", figure(low), figure(high)),
                 ]
             }
             None => vec!["no finished walk has it".to_owned()],
         };
-        let kinds = plural(self.kinds.len() as u64, "kind", "kinds");
         html! {
             header {
                 div.kicker { "Trimaran " (self.version) " · many walks" }
@@ -145,7 +147,7 @@ impl ManyWalks {
                         @for title in [
                             "folder", "scene", "device", "settings", "frames", "frames/s", "latency ms",
                             "latency p95 ms", "wrong pixels", "audited frames", "how it ended",
-                        ] { th scope="col" { (title) } }
+                        ] { (column(title)) }
                     } }
                     tbody { @for walk in &self.walks { (walk.row(from)) } }
                 }
@@ -164,8 +166,8 @@ impl ManyWalks {
                 div.card.scroll.walks {
                     table.sortable {
                         thead { tr {
-                            th scope="col" { "folder" }
-                            @for title in ComparedSystem::HEAD { th scope="col" { (title) } }
+                            (column("folder"))
+                            @for title in ComparedSystem::HEAD { (column(title)) }
                         } }
                         tbody { @for system in &self.comparisons { (system.row(from)) } }
                     }
@@ -244,6 +246,11 @@ impl ComparedSystem {
             }
         }
     }
+}
+
+/// The title of a column.
+fn column(title: &str) -> Markup {
+    html! { th.words[WORDS.contains(&title)] scope="col" { (title) } }
 }
 
 /// The name of a folder, which leads to its page if that is there.
