@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use crate::GpuError;
 use crate::cuda::CudaDevices;
 use crate::device_id::{PciAddress, UuidPrefix};
-use crate::{GpuError, GpuInfo};
+use crate::gpu_info::GpuInfo;
 
 /// Which device to open. [`From`] reads it from what a user gives.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -87,31 +88,10 @@ impl fmt::Display for DeviceChoice {
     }
 }
 
-/// A device as it is listed, on this PCI bus. Its UUID begins with the bus.
-#[cfg(test)]
-pub(crate) fn listed(name: &str, bus: Option<u8>) -> GpuInfo {
-    let mut uuid = [name.len() as u8; 16];
-    uuid[0] = bus.unwrap_or_default();
-    GpuInfo {
-        name: name.to_owned(),
-        driver: String::new(),
-        api_version: (1, 3, 0),
-        kind: crate::DeviceKind::Discrete,
-        vendor: if name.starts_with("NVIDIA") { 0x10de } else { 0x1002 },
-        uuid: crate::DeviceUuid(uuid),
-        pci: bus.map(|bus| PciAddress { domain: 0, bus: bus.into(), device: 0, function: 0 }),
-        max_viewport: 16_384,
-        max_allocation: 1 << 30,
-        memory: 1 << 30,
-        missing: Vec::new(),
-        lacks: Vec::new(),
-        hzb_place: crate::HzbPlace::Device,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu_info::listed;
 
     #[test]
     fn two_equal_cards_are_two_devices_by_number_uuid_or_address() {

@@ -4,8 +4,8 @@ use std::env;
 
 use thiserror::Error;
 
-use crate::GpuInfo;
 use crate::device_id::{PciAddress, UuidPrefix};
+use crate::gpu_info::GpuInfo;
 
 /// NVIDIA's number among the vendors of PCI devices.
 const NVIDIA: u32 = 0x10de;
@@ -108,7 +108,7 @@ impl CudaDevices {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::choice::listed;
+    use crate::gpu_info::listed;
 
     fn place(visible: &str, order: Option<&str>, found: &[GpuInfo]) -> Result<usize, NotFollowed> {
         CudaDevices::new(visible, order).place(found)

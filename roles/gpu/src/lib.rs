@@ -34,7 +34,7 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `device_id`, `cuda`, `choice` | which device: its number, UUID, PCI address, a job scheduler's grant |
-//! | `adapter`, `needs`, `gpu`, `wait` | a device: its properties, its requirements, opening it, waiting for it |
+//! | `gpu_info`, `adapter`, `needs`, `gpu`, `wait` | a device: its properties, its requirements, opening it, waiting for it |
 //! | `memory`, `reuse`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
 //! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | shared by the passes |
 //! | `layout`, `pipeline`, `scope`, `pass_kind`, `pass`, `solid_pass` | how all of them draw |
@@ -77,6 +77,7 @@ mod draw_record;
 mod draws;
 mod error;
 mod gpu;
+mod gpu_info;
 mod half_depth;
 mod hzb;
 mod item;
@@ -111,13 +112,13 @@ mod wait;
 mod window;
 mod working_set;
 
-pub use adapter::{DeviceKind, GpuInfo, HzbPlace};
 pub use choice::DeviceChoice;
 pub use cuda::CudaDevices;
 pub use culler::{VulkanCuller, VulkanCullerError};
 pub use device_id::{DeviceUuid, NoPciAddress, NoUuid, PciAddress, UuidPrefix};
 pub use error::GpuError;
 pub use gpu::{Gpu, GpuOptions};
+pub use gpu_info::{DeviceKind, GpuInfo, HzbPlace};
 pub use hzb::DeviceHzbTest;
 pub use item::{ItemImage, ItemPass, Items};
 pub use needs::Optional;
