@@ -45,6 +45,7 @@ fn gpus() -> Vec<Finding> {
 /// A device, with all that `device` of a configuration may name it by.
 fn listed((number, info): (usize, &GpuInfo)) -> Finding {
     let GpuInfo { name, driver, uuid, pci, .. } = info;
+    let driver = driver.trim_end();
     let (major, minor, patch) = info.api_version;
     let pci = pci.map(|pci| format!(", PCI {pci}")).unwrap_or_default();
     let mut detail = format!(
