@@ -173,7 +173,7 @@ fn a_key_that_others_may_read_and_a_misspelt_key_are_named_before_the_start() {
     names(&doctor(&bench, "hall.toml", &["--timeout", "60"]), 2, &["keys", "mode 644"]);
     names(&bench.trimaran(&["config", "check", "none.toml"]), 2, &["file", "none.toml"]);
     let as_another = bench.trimaran(&["config", "check", "hall.toml", "--role", "watcher"]);
-    names(&as_another, 2, &["file", "upstream", "read as a watcher's"]);
+    names(&as_another, 2, &["file", "unknown key", "read as a watcher's"]);
 }
 
 #[test]
