@@ -24,7 +24,7 @@ impl HangUps {
     /// Waits for the next one. Several at once are one.
     pub(super) async fn next(&mut self) {
         if self.0.recv().await.is_none() {
-            pending().await
+            pending::<()>().await;
         }
     }
 }
