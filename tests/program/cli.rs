@@ -350,7 +350,7 @@ impl LongSession {
         let mut display = Process::start(&mut command);
         // The cullers share the display's standard error, and each says when the display has come.
         for _ in 0..2 {
-            display.says("serves");
+            display.says("has joined");
         }
         let children = format!("/proc/{0}/task/{0}/children", display.id());
         let cullers = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();

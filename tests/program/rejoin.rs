@@ -127,7 +127,7 @@ fn a_culler_that_is_killed_while_the_display_waits_for_the_other_one_is_taken_ba
         let deployment = deploy(transport);
         let mut killed = deployment.start("culler-1", &[]);
         let mut display = deployment.start("display", &[]);
-        killed.says("serves");
+        killed.says("has joined");
         // The display has the whole link a moment later.
         thread::sleep(Duration::from_millis(500));
         killed.kill();
