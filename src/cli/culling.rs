@@ -62,7 +62,7 @@ enum End {
 
 /// What a service that waits hears.
 enum Event {
-    Came(NewSession),
+    Came(Box<NewSession>),
     Ended(End),
 }
 
@@ -119,7 +119,9 @@ impl Host<'_> {
                     };
                     let next = async {
                         tokio::select! {
-                            session = service.next() => session.map(Event::Came).map_err(Failure::bad_input),
+                            session = service.next() => session
+                                .map(|session| Event::Came(Box::new(session)))
+                                .map_err(Failure::bad_input),
                             Some(end) = ends.recv() => end.map(Event::Ended).map_err(Failure::broken),
                             time = none_came => {
                                 let seconds = time.as_secs_f64();
@@ -132,7 +134,7 @@ impl Host<'_> {
                         return Ok(());
                     };
                     let session = match event? {
-                        Event::Came(session) => session,
+                        Event::Came(session) => *session,
                         // A display that has come again has ended its old session.
                         Event::Ended(end) if self.for_one_session.is_some() && serving.is_idle() => {
                             return match end {

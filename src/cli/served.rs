@@ -56,7 +56,7 @@ pub(super) async fn told_of_limits(net: TokioNet, listener: ListenerStats) {
     let mut before = TurnedAwayReading::default();
     loop {
         sleep_until(&net, net.now().after(Duration::from_secs(1))).await;
-        let now = TurnedAwayReading::of(&[listener.clone()]);
+        let now = TurnedAwayReading::of(std::slice::from_ref(&listener));
         if now != before {
             tracing::warn!(target: SAID, "turned away since the start, by limit: {now}");
             before = now;

@@ -110,7 +110,8 @@ fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
 
 /// A line about the role's own frames, if it has any.
 fn frames(before: &StatusReading, now: &StatusReading, elapsed: Duration) -> String {
-    let stages: [(&str, fn(&StatusReading) -> u64); 3] = [
+    type Count = fn(&StatusReading) -> u64;
+    let stages: [(&str, Count); 3] = [
         ("culled", |status| status.frames_culled),
         ("shared", |status| status.frames_shared),
         ("shown", |status| status.frames_shown),

@@ -70,7 +70,8 @@ impl Figures {
     }
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use crate::metrics::Metrics;
 

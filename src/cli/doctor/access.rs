@@ -115,7 +115,8 @@ fn locked(node: &Path, user: &str) -> Option<String> {
     Some(format!("{user} may not open {}{}: {remedy}", node.display(), owned(node)))
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use std::fs::Permissions;
 

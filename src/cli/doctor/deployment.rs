@@ -97,7 +97,8 @@ const fn open_files() -> Option<u64> {
     None
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use trimaran::config::RoleName;
 
@@ -112,8 +113,7 @@ mod tests {
             let (needs, options) = RoleName::Relay.load(&file).unwrap();
             let finding = serde_json::to_value(descriptors(&*needs, &options)).unwrap();
             let detail = finding["detail"].as_str().unwrap().to_owned();
-            let number =
-                detail.split_whitespace().filter_map(|word| word.trim_matches(':').parse().ok()).last();
+            let number = detail.split_whitespace().rev().find_map(|word| word.trim_matches(':').parse().ok());
             (finding["works"] == true, number.unwrap_or(0_u64))
         };
         let over = |listen: &str, peers: u32| {

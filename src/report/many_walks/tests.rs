@@ -87,7 +87,7 @@ fn what_is_missing_is_named_with_its_reason() {
     assert!(["walk-3", "walk-4", "walk-5", "walk-6"].iter().all(|name| gaps.contains(name)), "{gaps}");
     // A report that lacks checks is a gap as well.
     let folder = put(dir.path().join("whole"), &walked(5.0));
-    assert_eq!(ManyWalks::read(&[folder.clone()]).gaps(), None);
+    assert_eq!(ManyWalks::read(std::slice::from_ref(&folder)).gaps(), None);
     fs::write(folder.join(UNCHECKED), "{}").unwrap();
     let lacking = ManyWalks::read(&[folder]);
     assert!(lacking.gaps().unwrap().starts_with("1 walk is incomplete: "));
@@ -141,7 +141,7 @@ fn comparisons_have_a_row_a_system_and_error_bound() {
     fs::create_dir(&folder).unwrap();
     fs::write(folder.join("compare.json"), compared(&[])).unwrap();
     fs::write(folder.join("compare.html"), "").unwrap();
-    let walks = ManyWalks::read(&[folder.clone()]);
+    let walks = ManyWalks::read(std::slice::from_ref(&folder));
     let rows: Vec<_> = walks.comparisons.iter().map(|of| (of.epsilon_px, of.system.as_str())).collect();
     assert_eq!(rows, [(1.0, "independent-2"), (1.0, "frustum"), (8.0, "independent-2"), (8.0, "frustum")]);
     let [first, second, ..] = &walks.comparisons[..] else { panic!("{rows:?}") };
