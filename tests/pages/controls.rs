@@ -242,7 +242,7 @@ fn messages_go_away_and_show_no_secret() {
     // It comes again, and no longer accepts the token.
     let _other = Service::with_token(&bench, "plant.scene", &at, "0123456789abcdefOTHER").unwrap();
     let text = said(&mut browser, |text| text.contains("not valid any more"));
-    assert!(text.contains("Open the address that the service printed") && !text.contains(TOKEN), "{text}");
+    assert!(text.contains("open the address that was printed") && !text.contains(TOKEN), "{text}");
 }
 
 /// The service comes again with another scene: the page shows that one, with a message.
