@@ -60,7 +60,7 @@ enum End {
     Lost,
 }
 
-/// What a service that waits hears.
+/// An event for a service that waits.
 enum Event {
     Came(Box<NewSession>),
     Ended(End),
@@ -177,7 +177,7 @@ impl Host<'_> {
         })
     }
 
-    /// What it has opened.
+    /// Its open scene and device.
     fn opened(&self, net: &TokioNet) -> Opened {
         let Opened { scene, device, memory, .. } = opened(self.file, self.drawn);
         let limits = self.limits.clone();

@@ -1,5 +1,5 @@
-//! A hang-up (SIGHUP) asks a role to read its configuration again. The level of its log, its limits and the keys
-//! of its peers change at once; links stay. All else holds from its next start.
+//! A hang-up (SIGHUP) asks a role to read its configuration again. The level of its log, its limits and the
+//! keys of its peers change at once; links stay. All else holds from its next start.
 
 use clap::Args;
 use tokio::{runtime::Runtime, task::JoinSet};

@@ -71,8 +71,8 @@ pub struct CommonConfig {
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metrics: Option<SocketAddr>,
-    /// What to log: a level (`warn`, `info`, `debug`) or a tracing filter such as `trimaran=debug`. By default
-    /// `warn`, and `info` in systemd's journal.
+    /// The filter of the log: a level (`warn`, `info`, `debug`), or a filter such as `trimaran=debug`. By
+    /// default `warn`, and `info` in systemd's journal.
     #[config(env = "TRIMARAN_LOG", layer_attr(arg(long, value_name = "FILTER")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub log: Option<String>,

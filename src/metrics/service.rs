@@ -1,4 +1,4 @@
-//! What a process has open: its scene, its device, its place for guests.
+//! The open parts of a process: its scene, its device, its place for guests.
 
 use std::{
     fmt,
@@ -25,7 +25,7 @@ pub(super) struct Service {
     ready: Arc<AtomicBool>,
 }
 
-/// What a process has opened.
+/// The open scene and device of a process.
 pub struct Opened {
     /// Its scene.
     pub scene: SceneReading,

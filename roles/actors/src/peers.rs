@@ -21,8 +21,8 @@ use crate::{
     meeting::Expected,
 };
 
-/// How long a role tries to reach a peer before it logs the reason. It keeps trying. The first try is shorter,
-/// so that the reason is known soon, and is not logged: the peer may be starting.
+/// How long a role tries to reach a peer before it logs the reason. It keeps trying. The first try is
+/// shorter, so that the reason is known soon, and is not logged: the peer may be starting.
 const FIRST_ATTEMPT: Duration = Duration::from_secs(3);
 const ATTEMPT: Duration = Duration::from_secs(15);
 /// How long a listener waits before it waits again.

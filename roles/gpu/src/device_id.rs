@@ -1,4 +1,4 @@
-//! What tells devices of one machine apart: UUIDs and PCI addresses.
+//! Identities of the devices of a machine: UUIDs and PCI addresses.
 
 use std::fmt;
 use std::str::FromStr;

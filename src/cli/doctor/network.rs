@@ -169,7 +169,7 @@ fn explained(error: &AttemptError, at: &Endpoint, timeout: Duration) -> String {
     if remedy.is_empty() { why } else { format!("{why}: {remedy}") }
 }
 
-/// What may be the matter where nothing answers.
+/// Likely causes of silence.
 fn silent(at: &Endpoint, timeout: Duration) -> String {
     let may_be = match at.transport() {
         "udp" => {
