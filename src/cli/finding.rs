@@ -1,4 +1,4 @@
-//! What a check has found: a line each, or JSON.
+//! Findings of a check: a line each, or JSON.
 
 use std::{fmt::Display, io::Write as _};
 
@@ -15,7 +15,7 @@ pub(super) struct Finding {
     must_correct: bool,
     /// The result; if it does not work, the remedy.
     detail: String,
-    /// What is missing beside it without harm, and its effect.
+    /// Missing parts that do no harm, and their effect.
     lacks: Vec<String>,
 }
 

@@ -78,7 +78,7 @@ pub(super) fn to_stderr(verbose: u8, usual: &'static str) -> Result<(), Failure>
     Ok(())
 }
 
-/// What to log from now on, as configured; without it the usual level. Flags have the last word.
+/// The filter of the log from now on, as configured; without it the usual level. Flags have the last word.
 #[derive(Debug)]
 pub(super) struct Filter(EnvFilter);
 

@@ -1,6 +1,8 @@
 //! A hang-up (SIGHUP) asks a role to read its configuration again. The level of its log, its limits and the
 //! keys of its peers change at once; links stay. All else holds from its next start.
 
+use std::io::{self, IsTerminal};
+
 use clap::Args;
 use tokio::{runtime::Runtime, task::JoinSet};
 use trimaran::{
@@ -30,20 +32,23 @@ pub(super) struct Live {
 /// Reads a role's configuration again, once the role runs. Until then a hang-up waits.
 pub(super) struct Reconfigure<L: Args> {
     args: RoleArgs<L>,
-    hang_ups: HangUps,
+    /// None in a terminal, whose hang-up ends the role.
+    hang_ups: Option<HangUps>,
 }
 
 impl<L: Args + Clone + Send + Sync + 'static> Reconfigure<L> {
     /// # Errors
     /// When signals cannot be received.
     pub(super) fn listen(args: &RoleArgs<L>, runtime: &Runtime) -> Result<Self, Failure> {
-        Ok(Self { args: args.clone(), hang_ups: HangUps::listen(runtime)? })
+        let listens = !io::stderr().is_terminal();
+        let hang_ups = listens.then(|| HangUps::listen(runtime)).transpose()?;
+        Ok(Self { args: args.clone(), hang_ups })
     }
 
     /// Changes what is `live` at each hang-up, until the result is dropped. `limits` are the sessions' limits
     /// by a configuration.
     pub(super) fn begin<C>(
-        mut self,
+        self,
         live: Live,
         limits: impl Fn(&C) -> Result<SessionLimits, Failure> + Send + 'static,
         runtime: &Runtime,
@@ -52,10 +57,11 @@ impl<L: Args + Clone + Send + Sync + 'static> Reconfigure<L> {
         C: RoleConfig<Layer = L> + RoleNeeds + 'static,
     {
         let mut tasks = JoinSet::new();
+        let Self { args, hang_ups: Some(mut hang_ups) } = self else { return tasks };
         let reading = async move {
             loop {
-                self.hang_ups.next().await;
-                match live.change(&self.args, &limits) {
+                hang_ups.next().await;
+                match live.change(&args, &limits) {
                     Ok(()) => tracing::info!(target: SAID, "has read its configuration again"),
                     Err(failure) => tracing::warn!(target: SAID, "goes on with its configuration: {failure}"),
                 }

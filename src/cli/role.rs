@@ -304,7 +304,7 @@ fn display_without_scene(
     shown_and_reported(session, start)?.map_or(Ok(()), |reported| reported.conclude(&config.out, false))
 }
 
-/// What a display's configuration may change.
+/// The parts of a display that its configuration may change.
 fn live(server: &MetricsServer, options: &Options, listener: Option<&Listener>) -> Live {
     Live {
         metrics: server.metrics.clone(),

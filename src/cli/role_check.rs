@@ -48,7 +48,7 @@ pub(super) fn load(file: &Path, role: Option<RoleName>) -> (Vec<Finding>, Option
     let (needs, mut options) = match role.load(file) {
         Ok(loaded) => loaded,
         Err(error) => {
-            // What TOML says ends with a line break.
+            // A message of TOML ends with a line break.
             let why = Failure::bad_input(error).to_string();
             let detail = format!("{} (read as a {name}'s: --role names another role)", why.trim_end());
             return (vec![Finding::wrong("file", detail)], None);

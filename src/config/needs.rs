@@ -1,4 +1,4 @@
-//! What a role needs of its machine and of its peers, as its configuration says.
+//! The needs of a role: of its machine and of its peers, as its configuration says.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub struct SoughtPeers<'c> {
     pub endpoints: &'c Endpoints,
 }
 
-/// What a role needs of its machine and of its peers.
+/// The needs of a role: of its machine and of its peers.
 pub trait RoleNeeds: Send + Sync {
     /// How it introduces itself to its peers.
     fn role(&self) -> Role;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 /// The media type.
 pub(super) const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// What a registry has encoded as OpenMetrics, in this format. There a family's name lacks the suffix of its
+/// The text of a registry, encoded as OpenMetrics, in this format. There a family's name lacks the suffix of its
 /// samples, `_total` or `_info`.
 pub(super) fn in_text_format(text: &str) -> String {
     let (mut told, mut help) = (String::with_capacity(text.len()), None);

@@ -47,7 +47,7 @@ pub struct PathReading {
 }
 
 impl PathReading {
-    /// What it has counted, without the state of the path.
+    /// Its counts, without the state of the path.
     pub(super) fn counts(self) -> Self {
         Self {
             path_mtu: 0,

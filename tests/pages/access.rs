@@ -1,4 +1,4 @@
-//! Who may see a page, and how: own TLS, tokens of people, and proxies in front.
+//! Access to a page: own TLS, tokens of people, and proxies in front.
 
 use std::env;
 use std::fs;
@@ -25,7 +25,7 @@ use crate::common::program::{Bench, printed, said, signal};
 /// The name under which pages are opened.
 const NAME: &str = "plant.example";
 /// The longest wait for something that a test waits for.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A certificate for `plant.example`, with its private key.
 struct Certificate {
@@ -114,7 +114,7 @@ fn sees_the_scene(browser: &mut Browser, url: &str, scene: &Scene) {
 fn until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
     let begun = Instant::now();
     while !holds() {
-        assert!(begun.elapsed() < PATIENCE, "{what} does not come about");
+        assert!(begun.elapsed() < TIMEOUT, "{what} does not come about");
         thread::sleep(Duration::from_millis(50));
     }
     begun.elapsed()
@@ -193,7 +193,7 @@ fn people_come_over_tls_with_tokens_of_their_own() {
     assert!(![ada, bob, eve].iter().any(|token| told.contains(&**token)), "{told}");
 }
 
-/// What headers say counts from the addresses of proxies, and from nowhere else.
+/// Headers count from the addresses of proxies, and from nowhere else.
 #[test]
 fn headers_of_proxies_count_from_proxies_alone() {
     let bench = Bench::with_plant(60);

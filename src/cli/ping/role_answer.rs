@@ -8,7 +8,7 @@ use trimaran_transport::{ConnectError, Endpoint, Refusal};
 
 use super::tally::microseconds;
 
-/// What a role says in a handshake.
+/// A role's words in a handshake.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct RoleAnswer {
     endpoint: String,

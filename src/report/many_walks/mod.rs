@@ -200,7 +200,7 @@ impl ManyWalks {
         }
     }
 
-    /// What is missing, in one sentence without a full stop: walks that ended early or lack checks, comparisons
+    /// The missing parts, in one sentence without a full stop: walks that ended early or lack checks, comparisons
     /// that ended early, and folders without a report. `None` if nothing is.
     #[must_use]
     pub fn gaps(&self) -> Option<String> {

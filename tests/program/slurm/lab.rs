@@ -92,7 +92,7 @@ impl Lab {
         })
     }
 
-    /// What a job and its steps have said.
+    /// The output of a job and its steps.
     pub(super) fn log(&self, job: &str) -> String {
         let files = fs::read_dir(self.bench.path("")).unwrap().map(|entry| entry.unwrap().path());
         let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
