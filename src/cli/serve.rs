@@ -16,6 +16,7 @@ use super::{
     access::{TokenSource, keep},
     args::{DeviceArgs, GuestArgs, ServeArgs},
     culling::{Host, largest, limits},
+    log::is_journal,
     printed,
     reload::HangUps,
     service_manager::ServiceManager,
@@ -39,7 +40,14 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         options,
         drive: None,
     };
-    service.run(|url| printed(writeln!(stdout(), "{url}"))).map(drop)
+    // The journal keeps no secrets.
+    let in_journal = is_journal();
+    if in_journal && matches!(service.tokens, TokenSource::New) {
+        let why = "a new token would have to stand in the journal: set TRIMARAN_TOKEN or TRIMARAN_TOKEN_FILE";
+        return Err(Failure::bad_input(why));
+    }
+    let shown = |url: &str| url.split('?').next().filter(|_| in_journal).unwrap_or(url).to_owned();
+    service.run(|url| printed(writeln!(stdout(), "{}", shown(url)))).map(drop)
 }
 
 /// A culler and its page, open to all clients.

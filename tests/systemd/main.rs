@@ -162,6 +162,8 @@ fn a_service_of_pages_is_there_again_after_it_was_killed() {
     assert!(is_there());
     // Other users must not read the token.
     assert_eq!(machine.run("stat --format %a:%U /etc/trimaran/plant.env"), "600:root");
+    let said = machine.run(&format!("journalctl --no-pager --output cat --unit {service}"));
+    assert!(said.contains(&format!(":{port}/")) && !said.contains(&token), "{said}");
 }
 
 /// A service's attempts outside its work, and at last its work.
