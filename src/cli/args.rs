@@ -31,7 +31,9 @@ pub(crate) use cullers::ScheduleArg;
 #[cfg(feature = "lab")]
 pub(crate) use links::NetemArgs;
 pub(crate) use links::{Coding, PingArgs, StatArgs, StatusArgs};
-pub(crate) use roles::{CheckArgs, ConfigCommand, DoctorArgs, KeysCommand, RoleArgs, RoleCommand};
+pub(crate) use roles::{
+    CheckArgs, ConfigCommand, DeploymentArgs, DoctorArgs, KeysCommand, RoleArgs, RoleCommand,
+};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
 #[cfg(feature = "lab")]
@@ -113,6 +115,9 @@ pub(crate) enum Command {
     /// Make and show the keys by which machines know each other where a transport encrypts.
     #[command(subcommand)]
     Keys(KeysCommand),
+    /// Make the files of a display and its cullers as services: keys, configurations and a script that installs
+    /// them, in a folder for each machine.
+    Deployment(DeploymentArgs),
     /// Make tokens by which people open a page of `serve`.
     #[command(subcommand)]
     Token(TokenCommand),

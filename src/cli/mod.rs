@@ -16,6 +16,7 @@ mod config;
 mod cooking;
 mod culling;
 mod demo;
+mod deployment;
 mod display;
 mod doctor;
 mod failure;
@@ -132,6 +133,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Role(command) => role::run(&command),
         Command::Config(command) => config::run(&command),
         Command::Keys(command) => keys::run(&command),
+        Command::Deployment(args) => deployment::run(&args),
         Command::Token(command) => token::run(&command),
         Command::Ping(args) => ping::run(&args),
         Command::Stat(args) => stat::run(&args),

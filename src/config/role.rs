@@ -176,8 +176,8 @@ pub struct DisplayConfig {
     /// Where report and frames go.
     #[config(env = "TRIMARAN_OUT", layer_attr(arg(long, value_name = "DIR")))]
     pub out: PathBuf,
-    /// Whether a walk that was asked to stop goes on with the next start, as one that was killed does: its
-    /// records stay beside its report. For jobs that a scheduler stops and starts again.
+    /// Whether a walk that was asked to stop, or whose disk was full, goes on with the next start, as one that
+    /// was killed does: its records stay beside its report. A scheduler may then stop and start its job.
     #[config(
         env = "TRIMARAN_RESUMABLE",
         default = false,

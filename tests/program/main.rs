@@ -12,6 +12,7 @@ mod clock;
 mod compare;
 mod configs;
 mod corpus;
+mod deployment;
 mod doctor;
 mod empty_display;
 mod empty_display_real;

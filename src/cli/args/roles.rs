@@ -84,6 +84,22 @@ pub(crate) enum KeysCommand {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct DeploymentArgs {
+    /// The cooked scene.
+    #[arg(value_name = "X.scene")]
+    pub(crate) scene: PathBuf,
+    /// The display's machine: its host name or IPv4 address.
+    #[arg(long, value_name = "HOST")]
+    pub(crate) display: Name,
+    /// The cullers' machines, at most 8: the host names or IPv4 addresses by which the display finds them.
+    #[arg(long, value_name = "HOST,..", value_delimiter = ',', required = true)]
+    pub(crate) cullers: Vec<Name>,
+    /// The folder to make.
+    #[arg(long, value_name = "DIR", default_value = "deployment")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct DoctorArgs {
     /// An address whose port is to be tried for listening.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]

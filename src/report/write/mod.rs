@@ -90,8 +90,8 @@ impl Writer {
         })
     }
 
-    /// The same writer, which keeps the records beside the report of a walk that was asked to stop. So the
-    /// next process can [resume](Self::go_on) it.
+    /// The same writer, which keeps the records beside the report of a walk that was asked to stop, or whose
+    /// disk was full. So the next process can [resume](Self::go_on) it.
     #[must_use]
     pub fn resumable(self) -> Self {
         Self { is_resumable: true, ..self }
@@ -248,8 +248,9 @@ impl Writer {
             }
             saved => saved?,
         }
-        // A walk of which only checks are missing goes on with these.
-        let stopped = report.summary.ended.how == HowEnded::Interrupted || self.is_unchecked;
+        // A walk of which only checks are missing goes on with these. So does one once its disk has room.
+        let stopped = matches!(report.summary.ended.how, HowEnded::Interrupted | HowEnded::NotRecorded)
+            || self.is_unchecked;
         let goes_on = self.is_resumable && stopped;
         self.publish(goes_on)
     }

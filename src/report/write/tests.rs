@@ -186,13 +186,19 @@ fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
     assert!(fs::read(dir.path().join("unfinished.before/walk.jsonl")).unwrap().starts_with(&whole));
 }
 
-/// A scheduler stops a job, and starts it again.
+/// A scheduler stops a job and starts it again, or somebody frees room on a full disk.
 #[test]
 fn the_records_of_a_stopped_walk_stay_beside_its_report_if_it_is_resumable() {
     let dir = tempfile::tempdir().unwrap();
     let mut report = sample::report();
-    report.summary.ended.how = HowEnded::Interrupted;
-    for is_resumable in [false, true] {
+    for (how, is_resumable) in [
+        (HowEnded::Failed, true),
+        (HowEnded::NotRecorded, false),
+        (HowEnded::NotRecorded, true),
+        (HowEnded::Interrupted, false),
+        (HowEnded::Interrupted, true),
+    ] {
+        report.summary.ended.how = how;
         let writer = Writer::open(dir.path()).unwrap();
         let mut writer = if is_resumable { writer.resumable() } else { writer };
         writer.begin(&report, Some(&"mine")).unwrap();
@@ -200,7 +206,8 @@ fn the_records_of_a_stopped_walk_stay_beside_its_report_if_it_is_resumable() {
         writer.frame(&report.frames[0], Some(&0)).unwrap();
         let paths = writer.finish(report.clone()).unwrap();
         assert!(paths.json.exists() && paths.frames.join("00000.png").exists());
-        assert_eq!(dir.path().join("unfinished").exists(), is_resumable);
+        let stays = is_resumable && how != HowEnded::Failed;
+        assert_eq!(dir.path().join("unfinished").exists(), stays, "{how:?}");
     }
     // The next process has the records, draws the pictures again, and leaves nothing but its report.
     let mut writer = Writer::open(dir.path()).unwrap().resumable();
@@ -211,7 +218,8 @@ fn the_records_of_a_stopped_walk_stay_beside_its_report_if_it_is_resumable() {
     writer.picture(0, PictureKind::Shown, &sample::picture(0, 0)).unwrap();
     report.summary.ended = Ended::finished(Some(60));
     writer.finish(report).unwrap();
-    assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json"]);
+    // Walks before it had begun anew.
+    assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json", "unfinished.before"]);
 }
 
 /// Processes killed before they record a frame do not damage earlier records.
