@@ -155,7 +155,8 @@ fn files(DeploymentArgs { display, cullers, .. }: &DeploymentArgs, host: &Name, 
     }
     // Cullers meet each other in the schedule `switch`.
     if !peers.is_empty() {
-        let list = |each: fn(&Name) -> String| Value::Array(peers.iter().map(|peer| each(peer).into()).collect());
+        let list =
+            |each: fn(&Name) -> String| Value::Array(peers.iter().map(|peer| each(peer).into()).collect());
         key("cullers", list(|culler| format!("quic://{culler}:{PORT}")));
         key("peers.cullers", list(|culler| format!("{culler}.pub")));
     }

@@ -18,8 +18,7 @@ fn made(bench: &Bench, more: &[&str]) -> std::process::Output {
 
 fn listing(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<_> =
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -43,11 +42,14 @@ fn each_machine_gets_its_own_private_keys_and_knows_the_others() {
     let printed = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(output.status.success(), "{}", said(&output));
     let trio = bench.path("a/trio");
-    assert_eq!((listing(&bench.path("a")), listing(&trio)), (vec!["trio".to_owned()], {
-        let mut hosts = HOSTS.map(str::to_owned).to_vec();
-        hosts.sort();
-        hosts
-    }));
+    assert_eq!(
+        (listing(&bench.path("a")), listing(&trio)),
+        (vec!["trio".to_owned()], {
+            let mut hosts = HOSTS.map(str::to_owned).to_vec();
+            hosts.sort();
+            hosts
+        })
+    );
     assert_eq!(trio.metadata().unwrap().permissions().mode() & 0o777, 0o700, "it has private keys");
     for host in HOSTS {
         assert!(printed.contains(&format!("a/trio/{host} ")), "{printed}");
@@ -66,7 +68,10 @@ fn each_machine_gets_its_own_private_keys_and_knows_the_others() {
             let [here, there] = [host, peer].map(|at| fs::read(trio.join(at).join(format!("{peer}.pub"))));
             assert_eq!(here.unwrap(), there.unwrap(), "{peer} at {host}");
         }
-        assert_eq!(fs::read(folder.join("plant.scene")).unwrap(), fs::read(bench.path("plant.scene")).unwrap());
+        assert_eq!(
+            fs::read(folder.join("plant.scene")).unwrap(),
+            fs::read(bench.path("plant.scene")).unwrap()
+        );
     }
     let display: DisplayConfig = read(&trio.join("show"), "display.toml");
     assert_eq!(shown(&display.cullers), ["quic://one:7400", "quic://10.0.0.2:7400"]);
@@ -76,7 +81,10 @@ fn each_machine_gets_its_own_private_keys_and_knows_the_others() {
     let culler: CullerConfig = read(&trio.join("one"), "one.toml");
     assert_eq!(shown(&culler.listen), ["quic://0.0.0.0:7400"]);
     assert_eq!(shown(&culler.cullers), ["quic://10.0.0.2:7400"]);
-    assert_eq!((names(&culler.peers.displays), names(&culler.peers.cullers)), (vec!["show.pub"], vec!["10.0.0.2.pub"]));
+    assert_eq!(
+        (names(&culler.peers.displays), names(&culler.peers.cullers)),
+        (vec!["show.pub"], vec!["10.0.0.2.pub"])
+    );
     assert_eq!(culler.common.keys.unwrap(), Path::new("/run/credentials/trimaran-culler@one.service/keys"));
     assert_eq!(culler.scene, trio.join("one/plant.scene"));
     let script = fs::read_to_string(trio.join("10.0.0.2/install.sh")).unwrap();

@@ -1,7 +1,9 @@
 //! A running session's metrics for a monitoring system and `trimaran stat`.
 
+use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::thread;
@@ -183,6 +185,17 @@ fn checked_by_promtool(metrics: &str) {
     };
     promtool(&["check", "metrics"], metrics.split("\r\n\r\n").nth(1).unwrap());
     promtool(&["check", "rules", concat!(env!("CARGO_MANIFEST_DIR"), "/deploy/prometheus/rules.yml")], "");
+}
+
+#[test]
+fn the_page_says_what_to_do_at_each_alert() {
+    let text = |path: &str| fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
+    let (rules, page) = (text("deploy/prometheus/rules.yml"), text("docs/operations.md"));
+    let alerts: Vec<_> =
+        rules.lines().filter_map(|line| line.trim().strip_prefix("- alert: ")).map(str::to_owned).collect();
+    let told = page.lines().filter_map(|line| line.strip_prefix("| `Trimaran")?.split('`').next());
+    let told: Vec<_> = told.map(|name| format!("Trimaran{name}")).collect();
+    assert!(!alerts.is_empty() && alerts == told, "{alerts:?}, {told:?}");
 }
 
 /// A culler that waits for its scene lives and is not ready; once the scene is there it is.

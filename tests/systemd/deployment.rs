@@ -1,7 +1,10 @@
 //! Services on one machine, installed as docs/operations.md describes.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::fs::{self, File, Permissions};
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
 
 use crate::common::program::Bench;
 use crate::machine::Machine;
@@ -13,12 +16,21 @@ pub(crate) const ONE: (&str, u16) = ("trimaran-culler@one", 9465);
 pub(crate) const TWO: (&str, u16) = ("trimaran-culler@two", 9466);
 
 /// The folder of the display's report.
-const REPORT: &str = "/var/lib/trimaran/walk";
-/// The folder for the page's commands: the package, a scene, keys and configurations.
-pub(crate) const CHECKOUT: &str = "/run/checkout";
+pub(crate) const REPORT: &str = "/var/lib/trimaran/walk";
+/// The display's folder for the page's commands, with the package and a scene at first.
+pub(crate) const CHECKOUT: &str = "/run/home/show";
 /// The names of the page's three hosts in its command lines, and the one for browsers.
-const HOSTS: [&str; 3] = ["one", "two", "show"];
+pub(crate) const HOSTS: [&str; 3] = ["one", "two", "show"];
 const PAGES_HOST: &str = "pages";
+/// In place of scp: puts the files into the folder for the commands of the host that is named last.
+const SCP: &str = r#"#!/bin/sh -eu
+for to; do :; done
+to=${to#root@}
+mkdir -p "/run/home/${to%:}"
+for file; do
+    case $file in -r | root@*) ;; *) cp -r "$file" "/run/home/${to%:}/" ;; esac
+done
+"#;
 
 /// The service for browsers, and its port.
 pub(crate) const PAGES: (&str, u16) = ("trimaran-serve@plant", 7480);
@@ -37,6 +49,8 @@ pub(crate) struct Walk {
     /// The side of a picture, pixels.
     size: u32,
     audit_every: usize,
+    /// Poses a second, if it walks by the clock.
+    live_hz: Option<u32>,
 }
 
 impl Walk {
@@ -54,26 +68,65 @@ impl Walk {
         Self::of(20_000, 256, 200)
     }
 
+    /// The same by the clock, with few frames a second.
+    pub(crate) fn live() -> Self {
+        Self { live_hz: Some(10), ..Self::of(20_000, 64, 20) }
+    }
+
     fn of(frames: usize, size: u32, audit_every: usize) -> Self {
-        let bench = Bench::with_plant(300);
-        for host in HOSTS {
-            bench.done(&["keys", "new", host]);
-        }
-        Self { bench, frames, size, audit_every }
+        Self { bench: Bench::with_plant(300), frames, size, audit_every, live_hz: None }
     }
 
     /// Puts the files for the page's commands into the machine, and runs all of them there.
     pub(crate) fn install(&self, machine: &Machine, over: Over) {
-        let checkout = put_checkout(machine, &self.bench);
-        for role in ["display", "one", "two"] {
-            fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
+        self.prepare(&[machine]);
+        run_commands_of_the_page(&HOSTS.map(|host| (host, machine)), |made| {
+            // All on one machine, the roles take configurations of their own.
+            for (host, role) in [("one", "one"), ("two", "two"), ("show", "display")] {
+                let file = made.join(host).join(format!("{role}.toml"));
+                fs::write(file, self.configuration(role, over)).unwrap();
+            }
+        });
+    }
+
+    /// The same on a machine for each of [`HOSTS`]. `more` is added to each role's configuration.
+    pub(crate) fn install_on(&self, machines: [&Machine; 3], more: impl Fn(&str) -> String) {
+        self.prepare(&machines);
+        let hosts = [0, 1, 2].map(|index| (HOSTS[index], machines[index]));
+        run_commands_of_the_page(&hosts, |made| {
+            for (host, role) in [("one", "one"), ("two", "two"), ("show", "display")] {
+                let mut file =
+                    File::options().append(true).open(made.join(host).join(format!("{role}.toml"))).unwrap();
+                writeln!(file, "{}", more(role)).unwrap();
+                if role == "display" {
+                    writeln!(file, "{}", self.session()).unwrap();
+                }
+            }
+        });
+    }
+
+    /// Puts the files for the page's commands into the machines, of which the last is the display's.
+    fn prepare(&self, machines: &[&Machine]) {
+        for machine in machines {
+            // A role that vanishes without a close is missed soon.
+            let of_all = "/etc/systemd/system/trimaran-.service.d";
+            machine.run(&format!("mkdir {of_all}"));
+            let section = "[Service]\nEnvironment=TRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
+            fs::write(machine.path(&format!("{of_all}/soon.conf")), section).unwrap();
+            let scp = machine.path("/usr/bin/scp");
+            fs::write(&scp, SCP).unwrap();
+            fs::set_permissions(scp, Permissions::from_mode(0o755)).unwrap();
         }
-        // A role that vanishes without a close is missed soon.
-        let of_all = "/etc/systemd/system/trimaran-.service.d";
-        machine.run(&format!("mkdir {of_all}"));
-        let section = "[Service]\nEnvironment=TRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
-        fs::write(machine.path(&format!("{of_all}/soon.conf")), section).unwrap();
-        run_commands_of_the_page(machine, &HOSTS);
+        put_checkout(machines.last().unwrap(), HOSTS[2], &self.bench);
+    }
+
+    /// The walk's keys in the display's configuration.
+    fn session(&self) -> String {
+        let Self { frames, size, audit_every, live_hz, .. } = self;
+        let live = live_hz.map(|hz| format!(", live_hz = {hz}")).unwrap_or_default();
+        format!(
+            "session = {{ frames = {frames}, width = {size}, height = {size}, audit_every = {audit_every}{live} }}"
+        )
     }
 
     fn configuration(&self, role: &str, over: Over) -> String {
@@ -81,13 +134,13 @@ impl Walk {
             Over::Quic => ["quic://127.0.0.1:7400", "quic://127.0.0.1:7401"],
             Over::Unix => ["unix:/run/trimaran/one.sock", "unix:/run/trimaran/two.sock"],
         };
-        let Self { frames, size, audit_every, .. } = self;
         match role {
             "display" => format!(
                 "scene = 'plant.scene'\ncullers = ['{one}', '{two}']\nout = '{REPORT}'\nmetrics = '127.0.0.1:{}'\n\
                  keys = '/run/credentials/trimaran-display.service/keys'\npeers.cullers = ['one.pub', 'two.pub']\n\
-                 session = {{ frames = {frames}, width = {size}, height = {size}, audit_every = {audit_every} }}\n",
-                DISPLAY.1
+                 {}\n",
+                DISPLAY.1,
+                self.session(),
             ),
             name => {
                 let (listen, metrics) = if name == "one" { (one, ONE.1) } else { (two, TWO.1) };
@@ -138,7 +191,7 @@ impl Walk {
         report
     }
 
-    fn report(machine: &Machine) -> serde_json::Value {
+    pub(crate) fn report(machine: &Machine) -> serde_json::Value {
         let report = fs::read(machine.path(REPORT).join("report.json")).unwrap();
         serde_json::from_slice(&report).unwrap()
     }
@@ -146,42 +199,63 @@ impl Walk {
 
 /// Installs the service for browsers, and returns its token.
 pub(crate) fn install_pages(machine: &Machine) -> String {
-    put_checkout(machine, &Bench::with_plant(100));
-    run_commands_of_the_page(machine, &[PAGES_HOST]);
+    put_checkout(machine, PAGES_HOST, &Bench::with_plant(100));
+    run_commands_of_the_page(&[(PAGES_HOST, machine)], |_| ());
     let variables = fs::read_to_string(machine.path("/etc/trimaran/plant.env")).unwrap();
     let token = variables.lines().find_map(|line| line.strip_prefix("TRIMARAN_TOKEN="));
     token.unwrap_or_else(|| panic!("{variables}")).to_owned()
 }
 
-/// The files for the page's commands, with those of `bench`.
-fn put_checkout(machine: &Machine, bench: &Bench) -> PathBuf {
-    let checkout = machine.path(CHECKOUT);
+/// The folder for the page's commands of a host, with the package and the scene of `bench`.
+fn put_checkout(machine: &Machine, host: &str, bench: &Bench) {
+    let checkout = machine.path(&home(host));
     fs::create_dir_all(&checkout).unwrap();
-    let package = package();
-    fs::copy(package, checkout.join(package.file_name().unwrap())).unwrap();
-    for entry in fs::read_dir(bench.path("")).unwrap().map(Result::unwrap) {
-        if entry.file_type().unwrap().is_file() {
-            fs::copy(entry.path(), checkout.join(entry.file_name())).unwrap();
+    for file in [package().to_owned(), bench.path("plant.scene")] {
+        fs::copy(&file, checkout.join(file.file_name().unwrap())).unwrap();
+    }
+}
+
+fn home(host: &str) -> String {
+    format!("/run/home/{host}")
+}
+
+/// Runs the commands for these hosts in the section about services, each in its host's folder. Once a
+/// command has made the folder `deployment`, `edit` changes it.
+fn run_commands_of_the_page(hosts: &[(&str, &Machine)], edit: impl Fn(&Path)) {
+    for (host, command) in commands_of_the_page("Services") {
+        let Some((_, machine)) = hosts.iter().find(|(name, _)| *name == host) else { continue };
+        machine.run(&format!("cd {}; {command}", home(&host)));
+        if command.starts_with("trimaran deployment ") {
+            edit(&machine.path(&home(&host)).join("deployment"));
+        }
+        if command.starts_with("scp ") {
+            deliver(machine, hosts);
         }
     }
-    checkout
 }
 
-fn run_commands_of_the_page(machine: &Machine, hosts: &[&str]) {
-    for command in commands_of_the_page(hosts) {
-        machine.run(&format!("cd {CHECKOUT}; {command}"));
+/// Moves what a machine has sent to others.
+fn deliver(from: &Machine, hosts: &[(&str, &Machine)]) {
+    for (host, to) in hosts.iter().filter(|(_, to)| to.init() != from.init()) {
+        let sent = from.path(&home(host));
+        if sent.exists() {
+            fs::create_dir_all(to.path("/run/home")).unwrap();
+            let copied = Command::new("cp").arg("-r").arg(&sent).arg(to.path("/run/home/")).status();
+            assert!(copied.unwrap().success(), "{host}");
+            fs::remove_dir_all(sent).unwrap();
+        }
     }
 }
 
-/// The command lines for these hosts in the section about services.
-fn commands_of_the_page(hosts: &[&str]) -> Vec<String> {
+/// The command lines of a section of the page, each with its host.
+pub(crate) fn commands_of_the_page(section: &str) -> Vec<(String, String)> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
     let page = fs::read_to_string(page).unwrap();
-    let (_, after) = page.split_once("\n## Services\n").unwrap();
+    let (_, after) = page.split_once(&format!("\n## {section}\n")).unwrap();
     let (section, _) = after.split_once("\n## ").unwrap();
     let commands = section.lines().filter_map(|line| {
         let (host, command) = line.split_once("$ ")?;
-        hosts.contains(&host.trim()).then(|| command.to_owned())
+        Some((host.trim().to_owned(), command.to_owned()))
     });
     commands.collect()
 }

@@ -57,6 +57,11 @@ impl Machine {
         Some(machine)
     }
 
+    /// The number of its process 1 on this machine.
+    pub(crate) const fn init(&self) -> u32 {
+        self.init
+    }
+
     /// A file or folder of the machine, by its path on this machine.
     pub(crate) fn path(&self, absolute: &str) -> PathBuf {
         PathBuf::from(format!("/proc/{}/root{absolute}", self.init))

@@ -1,5 +1,5 @@
 //! The services of `deploy/systemd` under a real systemd: installed as in docs/operations.md, started in any
-//! order, killed and restarted.
+//! order, killed and restarted, on one machine and on three.
 //!
 //! Needs Linux, root and systemd. Elsewhere the tests say that they are skipped, and fail if
 //! `TRIMARAN_REQUIRE_SYSTEMD` is 1.
@@ -10,13 +10,17 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod deployment;
+mod faults;
 mod machine;
+mod network;
 mod package;
+mod trio;
 
 use std::fs;
 
 use deployment::{DISPLAY, ONE, Over, PAGES, TWO, Walk, install_pages};
 use machine::Machine;
+use trio::faults;
 
 /// The three services in every order.
 const ORDERS: [[(&str, u16); 3]; 6] = [
@@ -106,19 +110,18 @@ fn a_service_tells_when_it_works_and_is_restarted_when_it_hangs() {
     walk.install(&machine, Over::Quic);
     machine.run("sed 's/^listen/lisen/' /etc/trimaran/one.toml > /etc/trimaran/wrong.toml");
     machine.run("! systemctl start trimaran-culler@wrong");
-    let faults = |unit: &str| {
-        let of = "--no-pager --output cat --priority warning _COMM=trimaran --unit";
-        machine.run(&format!("journalctl {of} {unit}"))
-    };
-    let fault = faults("trimaran-culler@wrong");
-    assert!(fault.contains("lisen") && fault.contains("wrong.toml") && fault.lines().count() == 1, "{fault}");
+    let fault = faults(&machine, "trimaran-culler@wrong");
+    let [line] = &fault[..] else { panic!("{fault:?}") };
+    assert!(line.contains("lisen") && line.contains("wrong.toml"), "{line}");
     let status = |(service, _): (&str, u16)| machine.run(&format!("systemctl show -P StatusText {service}"));
     machine.wait_for("the display's frame and rate", || {
         let status = status(DISPLAY);
         (status.starts_with("frame ") && status.ends_with(" frames a second, cullers: 2")).then_some(())
     });
     assert!(status(ONE).ends_with("plant.scene, displays: 1"), "{}", status(ONE));
-    assert_eq!([ONE, TWO, DISPLAY].map(|(service, _)| faults(service)), ["", "", ""].map(str::to_owned));
+    for (service, _) in [ONE, TWO, DISPLAY] {
+        assert_eq!(faults(&machine, service), [""; 0], "{service}");
+    }
     machine.run(&format!("mkdir -p /etc/systemd/system/{}.service.d", ONE.0));
     let section = "[Service]\nWatchdogSec=2\n";
     fs::write(machine.path(&format!("/etc/systemd/system/{}.service.d/soon.conf", ONE.0)), section).unwrap();

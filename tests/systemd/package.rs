@@ -10,7 +10,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use crate::common::program::printed;
-use crate::deployment::{CHECKOUT, DISPLAY, ONE, Over, TWO, Walk};
+use crate::deployment::{CHECKOUT, DISPLAY, ONE, Over, TWO, Walk, commands_of_the_page};
 use crate::machine::Machine;
 use crate::walks;
 
@@ -118,6 +118,16 @@ fn the_package_is_upgraded_during_a_walk_removed_and_purged() {
     walk.is_stopped(&machine);
     machine.run("systemctl start trimaran-display");
 
+    let backup = commands_of_the_page("Backup");
+    let [save, restore @ ..] = &backup[..] else { panic!("{backup:?}") };
+    assert_eq!(restore.len(), 3, "{backup:?}");
+    let on_one = |(host, command): &(String, String)| {
+        assert_eq!(host, "one");
+        machine.run(&format!("cd /run/home/one; {command}"));
+    };
+    on_one(save);
+    assert_eq!(machine.run("stat --format %a /run/home/one/one.tar"), "600");
+
     let is_there = |path: &str| machine.path(path).symlink_metadata().is_ok();
     let wanted = "/etc/systemd/system/multi-user.target.wants/trimaran-culler@one.service";
     machine.run("apt-get remove -y trimaran");
@@ -142,4 +152,14 @@ fn the_package_is_upgraded_during_a_walk_removed_and_purged() {
         "unshare --mount sh -euc 'mount -t tmpfs none /run/systemd; apt-get install -y /run/next.deb
          /usr/bin/trimaran --version; apt-get purge -y trimaran'",
     );
+
+    let files = ["/etc/trimaran/plant.scene", "/etc/trimaran/one.toml", "/etc/credstore/trimaran-one.key"];
+    let owned = |path: &str| machine.run(&format!("stat --format %a:%U:%G {path}"));
+    let before = files.map(owned);
+    assert_eq!(before, ["640:root:trimaran", "640:root:trimaran", "600:root:root"]);
+    machine.run("rm -r /etc/trimaran /etc/credstore/trimaran-one.key");
+    restore.iter().for_each(on_one);
+    assert_eq!(files.map(owned), before);
+    machine.run(&format!("systemctl start {}; systemctl start {}", TWO.0, DISPLAY.0));
+    [ONE, TWO, DISPLAY].into_iter().for_each(|service| walks(&machine, service));
 }
