@@ -55,7 +55,7 @@ enum DeploymentError {
 pub(super) fn run(args: &DeploymentArgs) -> Result<(), Failure> {
     walking::open(&args.scene)?;
     make(args).map_err(|error| match error {
-        DeploymentError::Write { .. } => Failure::broken(error),
+        DeploymentError::Keys(_) | DeploymentError::Write { .. } => Failure::broken(error),
         _ => Failure::bad_input(error),
     })?;
     let DeploymentArgs { out, display, cullers, .. } = args;

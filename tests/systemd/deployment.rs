@@ -49,8 +49,6 @@ pub(crate) struct Walk {
     /// The side of a picture, pixels.
     size: u32,
     audit_every: usize,
-    /// Poses a second, if it walks by the clock.
-    live_hz: Option<u32>,
 }
 
 impl Walk {
@@ -65,16 +63,16 @@ impl Walk {
 
     /// A walk to be stopped once it has shown enough.
     pub(crate) fn endless() -> Self {
-        Self::of(20_000, 256, 200)
+        Self::longer(0)
     }
 
-    /// The same by the clock, with few frames a second.
-    pub(crate) fn live() -> Self {
-        Self { live_hz: Some(10), ..Self::of(20_000, 64, 20) }
+    /// The same with this many frames more, which take time to find a path for.
+    pub(crate) fn longer(frames: usize) -> Self {
+        Self::of(20_000 + frames, 256, 200)
     }
 
     fn of(frames: usize, size: u32, audit_every: usize) -> Self {
-        Self { bench: Bench::with_plant(300), frames, size, audit_every, live_hz: None }
+        Self { bench: Bench::with_plant(300), frames, size, audit_every }
     }
 
     /// Puts the files for the page's commands into the machine, and runs all of them there.
@@ -122,10 +120,9 @@ impl Walk {
 
     /// The walk's keys in the display's configuration.
     fn session(&self) -> String {
-        let Self { frames, size, audit_every, live_hz, .. } = self;
-        let live = live_hz.map(|hz| format!(", live_hz = {hz}")).unwrap_or_default();
+        let Self { frames, size, audit_every, .. } = self;
         format!(
-            "session = {{ frames = {frames}, width = {size}, height = {size}, audit_every = {audit_every}{live} }}"
+            "session = {{ frames = {frames}, width = {size}, height = {size}, audit_every = {audit_every} }}"
         )
     }
 

@@ -144,17 +144,14 @@ impl Taken {
     }
 }
 
-/// The places of all: the display and the other culler fill the second culler's.
+/// A culler has one place, which the display takes again after each restart.
 #[test]
 fn a_culler_that_starts_again_and_again_takes_nothing_from_the_others() {
-    let walk = Walk::live();
-    let more = |role: &str| match role {
-        "display" => "schedule = 'switch'".to_owned(),
-        _ => "[limits]\npeers = 2".to_owned(),
-    };
-    let Some(trio) = Trio::install("restarts", &walk, more) else { return };
     let (name, usual) = RESTARTS;
     let count = env::var(name).map_or(usual, |count| count.parse().unwrap());
+    let walk = Walk::longer(500 * count);
+    let more = |role: &str| if role == "display" { String::new() } else { "[limits]\npeers = 1".to_owned() };
+    let Some(trio) = Trio::install("restarts", &walk, more) else { return };
     let restart = |number: usize| {
         let before = trio.one.main_process(ONE.0);
         if number.is_multiple_of(2) {
@@ -163,10 +160,7 @@ fn a_culler_that_starts_again_and_again_takes_nothing_from_the_others() {
             trio.one.run(&format!("systemctl kill --signal=KILL {}", ONE.0));
         }
         trio.one.wait_for_another_process(ONE.0, &before);
-        trio.has_cullers(&BOTH);
-        // Its second socket is that of the link to the other culler.
-        let sockets = || trio.one.run("ss --no-header --udp --all --numeric").lines().count();
-        trio.one.wait_for("a link between the cullers", || (sockets() == 2).then_some(()));
+        trio.one.wait_for("its link", || (trio.links(ONE.0)?.len() == 1).then_some(()));
     };
     let others = [(DISPLAY.0, &trio.show), (TWO.0, &trio.two)];
     let taken = || others.map(|(service, machine)| Taken::by(machine, service));
@@ -176,12 +170,18 @@ fn a_culler_that_starts_again_and_again_takes_nothing_from_the_others() {
     let (before, series_before, first) = (taken(), series(), shown());
     (0..count).for_each(restart);
     trio.walks_on();
+    trio.has_cullers(&BOTH);
+    for (place, (service, machine)) in others.into_iter().enumerate() {
+        // A connection to the metrics and a thread without work go after some seconds.
+        machine.wait_for(&format!("descriptors and threads of {service} as in {:?}", before[place]), || {
+            let Taken { descriptors, threads, .. } = Taken::by(machine, service);
+            (descriptors <= before[place].descriptors && threads <= before[place].threads).then_some(())
+        });
+    }
     let (after, series_after, frames) = (taken(), series(), shown() - first);
     println!("after {count} restarts and {frames} frames {after:?}, before {before:?}");
     for (place, (service, _)) in others.into_iter().enumerate() {
         let (before, after) = (before[place], after[place]);
-        assert_eq!(after.descriptors, before.descriptors, "{service}");
-        assert_eq!(after.threads, before.threads, "{service}");
         let kept = if service == DISPLAY.0 { frames * OF_A_FRAME } else { 0 };
         assert!(after.memory <= before.memory + MORE_MEMORY + kept, "{service}: {after:?}, {before:?}");
         let metrics = trio.metrics(service);
@@ -195,5 +195,5 @@ fn a_culler_that_starts_again_and_again_takes_nothing_from_the_others() {
     let report = walk.is_stopped(&trio.show);
     let lost = report["run"]["notes"].as_array().unwrap().iter();
     let lost = lost.filter(|note| note.as_str().unwrap().starts_with("culler 1 was lost before")).count();
-    assert_eq!(lost, count + 3, "{}", report["run"]["notes"]);
+    assert!(lost >= count + 3, "{lost}: {}", report["run"]["notes"]);
 }
