@@ -217,7 +217,7 @@ fn a_probe_hears_when_a_culler_has_its_scene() {
         assert!(line.contains(words), "{line}");
     };
     critical("the culler is not ready");
-    std::fs::rename(bench.path("cooked.scene"), bench.path("plant.scene")).unwrap();
+    fs::rename(bench.path("cooked.scene"), bench.path("plant.scene")).unwrap();
     culler.says("listens on");
     while !get(&address, "/readyz").starts_with("HTTP/1.1 200") {
         thread::sleep(PAUSE);
