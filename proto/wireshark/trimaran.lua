@@ -10,12 +10,13 @@
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
-  [0x06] = "hello with channels",
+  [0x06] = "hello with channels", [0x07] = "accept with version",
   [0x10] = "latest value", [0x11] = "numbered value",
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x24] = "coded batch",
   [0x30] = "message", [0x40] = "block",
 }
-local VERSION = 4
+-- Of the wire: this release and the one before. Of datagrams.
+local HIGHEST, LOWEST, DATAGRAMS = 5, 4, 4
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/4", 72, 80
 local ROLES = { [0] = "culler", "display", "relay" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
@@ -50,6 +51,7 @@ local f = {
   kind = ProtoField.uint8("trimaran.kind", "Kind", base.HEX, KINDS),
   length = ProtoField.uint24("trimaran.length", "Length"),
   version = ProtoField.uint16("trimaran.version", "Version"),
+  lowest = ProtoField.uint16("trimaran.version.lowest", "Lowest version"),
   idle_timeout = ProtoField.uint32("trimaran.idle_timeout", "Idle timeout (ms)"),
   protocol = ProtoField.string("trimaran.protocol", "Protocol"),
   application = ProtoField.bytes("trimaran.application", "Another application's"),
@@ -133,7 +135,7 @@ local f = {
   supply_ahead = ProtoField.uint32("trimaran.supply.ahead", "Piece of geometry ahead"),
 }
 local e = {
-  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 4", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran.malformed", "No message of versions 4 and 5", expert.group.MALFORMED, expert.severity.ERROR),
 }
 trimaran.fields, trimaran.experts = f, e
 
@@ -192,7 +194,7 @@ local u = {
 }
 local ue = {
   unseen = ProtoExpert.new("trimaran_udp.not_rebuilt", "Bytes came by repair, which is not rebuilt here", expert.group.UNDECODED, expert.severity.WARN),
-  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 3", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 4", expert.group.MALFORMED, expert.severity.ERROR),
 }
 datagrams.fields, datagrams.experts = u, ue
 
@@ -608,12 +610,13 @@ end
 local function refusal(r, tree)
   local version = r.take(2)
   tree:add_le(f.version, version)
-  if version:le_uint() ~= VERSION then return "refuse by version " .. version:le_uint() end
+  local layout = version:le_uint()
+  if layout < LOWEST or layout > HIGHEST then return "refuse by version " .. layout end
   local reason = add_varint(tree, f.reason, r)
   local said = "refuse: " .. (REASONS[reason] or "?")
   if reason == 0 then
-    add_varint(tree, f.version, r)
-    add_varint(tree, f.version, r)
+    -- The listener's and the connecting peer's, in version 4 one each, later the highest and the lowest.
+    while r.left() > 0 do add_varint(tree, f.version, r) end
   elseif reason == 1 then
     add_text(tree, f.protocol, r)
     add_text(tree, f.protocol, r)
@@ -684,7 +687,12 @@ local function message(tvb, from, to, pinfo, tree, key)
     r.take(#MAGIC)
     local version = r.take(2)
     sub:add_le(f.version, version)
-    if version:le_uint() ~= VERSION then return "hello of version " .. version:le_uint() end
+    local highest, lowest = version:le_uint(), version
+    if highest > 4 then
+      lowest = r.take(2)
+      sub:add_le(f.lowest, lowest)
+    end
+    if highest < LOWEST or lowest:le_uint() > HIGHEST then return "hello of version " .. highest end
     local protocol = add_text(sub, f.protocol, r)
     add_wide(sub, f.session, r)
     local at, channel = add_lane(r, sub)
@@ -699,12 +707,14 @@ local function message(tvb, from, to, pinfo, tree, key)
   elseif kind == 0x05 then
     return name
   end
-  if kind == 0x02 then add_varint(sub, f.idle_timeout, r) end
+  local accept = kind == 0x02 or kind == 0x07
+  if kind == 0x07 then sub:add_le(f.version, r.take(2)) end
+  if accept then add_varint(sub, f.idle_timeout, r) end
   if carried[pair_of(pinfo)] and KINDS[kind] then
     return channel_message(r, sub, kind, carried[pair_of(pinfo)])
   elseif others[pair_of(pinfo)] then
     return foreign(r, sub, name .. " of " .. others[pair_of(pinfo)])
-  elseif kind == 0x02 then
+  elseif accept then
     return "accept from " .. identity(r, sub, direction_of(pinfo))
   elseif kind == 0x03 then
     return refusal(r, sub)
@@ -1184,7 +1194,7 @@ end
 
 -- An initial has 1,200 bytes at least, this version, and zeros behind its handshake; that is told from QUIC by its first byte.
 datagrams:register_heuristic("udp", function(tvb, pinfo, tree)
-  if tvb:len() < 1200 or tvb(0, 8):le_uint64() ~= UInt64(VERSION * 4 + 1, 0) then return false end
+  if tvb:len() < 1200 or tvb(0, 8):le_uint64() ~= UInt64(DATAGRAMS * 4 + 1, 0) then return false end
   local cookie = tvb(12, 1):uint()
   if cookie > 1 then return false end
   local at = 13 + 24 * cookie

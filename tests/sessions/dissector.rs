@@ -22,7 +22,7 @@ use trimaran_proto::{
     SentBytes, Settings, Viewport, Walkthrough,
 };
 use trimaran_transport::{Lane, Net, Options, SessionId, TokioNet, connect, sleep_until};
-use trimaran_wire::{ChannelList, Hello, Message, Protocol, ProtocolName};
+use trimaran_wire::{ChannelList, Hello, Message, Protocol, ProtocolName, WireVersions};
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
@@ -302,6 +302,7 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
 fn hello() -> BytesMut {
     let identity = Identity { role: Role::Culler, scene: Some(SCENE.into()), session: None };
     let hello = Hello {
+        versions: WireVersions::SUPPORTED,
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(7),
         lane: Lane::Frames,

@@ -70,7 +70,7 @@ impl LaneTransport for Queues {
             }
             let answer = answered.await.map_err(|_| failed(HandshakeError::Unanswered))?;
             let (accept, (lanes, counters)) = answer.map_err(|e| failed(HandshakeError::Refused(e)))?;
-            let peer = introduction.recognize(&accept.application).map_err(failed)?;
+            let peer = introduction.recognize(&accept).map_err(failed)?;
             let (session, at) = (introduction.session, PeerAddress::InProcess);
             Ok(LinkParts::new(lanes, peer, session, at, CAPABILITIES, counters))
         })
@@ -99,8 +99,7 @@ async fn serve(acceptor: Arc<Acceptor>, mut calls: mpsc::Receiver<Call>) {
             call = calls.recv() => call,
         };
         let Some(Call { hello, answer }) = call else { return };
-        let entered = acceptor.admits(&hello).and_then(|()| acceptor.enter(&hello.application));
-        let (peer, place) = match entered {
+        let (peer, place) = match acceptor.enter(&hello) {
             Ok(entered) => entered,
             Err(refusal) => {
                 acceptor.failed(&"a caller", HandshakeError::Refused(refusal.clone()));
@@ -110,8 +109,9 @@ async fn serve(acceptor: Arc<Acceptor>, mut calls: mpsc::Receiver<Call>) {
         };
         let [(lanes, counters), theirs] = ends();
         let at = PeerAddress::InProcess;
+        let accept = acceptor.answer(&peer);
         let parts = LinkParts::new(lanes, peer, hello.session, at, CAPABILITIES, counters);
-        if answer.send(Ok((acceptor.answer(), theirs))).is_ok() {
+        if answer.send(Ok((accept, theirs))).is_ok() {
             acceptor.hand_out(parts.holding(place)).await;
         }
     }

@@ -5,10 +5,9 @@ use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
-use bytes::Bytes;
 use parking_lot::Mutex;
 use tokio::sync::mpsc;
-use trimaran_wire::{Accept, Format, Hello, Refusal};
+use trimaran_wire::{Accept, Format, Hello, Refusal, WireVersion};
 
 use crate::PeerAddress;
 use crate::application::Application;
@@ -145,9 +144,9 @@ impl Acceptor {
 
     /// This side's answer to the hello of a peer that has [entered](Acceptor::enter).
     #[must_use]
-    pub fn answer(&self) -> Accept {
+    pub fn answer(&self, peer: &Peer) -> Accept {
         let (idle_timeout, application) = (self.link.idle_timeout.into(), self.application.hello().clone());
-        Accept { idle_timeout, application }
+        Accept { version: peer.version, idle_timeout, application }
     }
 
     /// Counts a new handshake.
@@ -186,42 +185,46 @@ impl Acceptor {
     /// The peer that sent `hello`, whether admitted or not.
     ///
     /// # Errors
-    /// If it has another protocol, or its hello cannot be read.
+    /// If it has another protocol or other versions of the wire, or its hello cannot be read.
     pub fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
-        self.same_protocol(hello).map_err(HandshakeError::Refused)?;
-        self.application.recognize(&hello.application)
+        let version = self.common_version(hello).map_err(HandshakeError::Refused)?;
+        Ok(Peer { version, ..self.application.recognize(&hello.application)? })
     }
 
     /// Whether the sender of `hello` may come in; it takes no place yet.
     ///
     /// # Errors
-    /// If it has another protocol, is rejected, or there is no place.
+    /// As [`enter`](Acceptor::enter).
     pub fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
-        self.same_protocol(hello)?;
-        self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
+        self.vacant(hello, &self.taken.lock()).map(|_| ())
     }
 
-    fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
+    /// The highest version that both speak, if the peer has this side's protocol.
+    fn common_version(&self, hello: &Hello) -> Result<WireVersion, Refusal> {
+        let (listener, connector) = (self.link.versions, hello.versions);
+        let version = listener.accepts(connector).ok_or(Refusal::Version { listener, connector })?;
         let (listener, connector) = (self.application.protocol(), hello.protocol.clone());
         if listener != connector {
             return Err(Refusal::Protocol { listener, connector });
         }
-        self.application.compare(&hello.channels)
+        self.application.compare(&hello.channels)?;
+        Ok(version)
     }
 
-    /// Takes the place of the peer that sent this application's hello.
+    /// Takes the place of the peer that sent `hello`.
     ///
     /// # Errors
-    /// If it is rejected, or there is no place.
-    pub fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
+    /// If it has another protocol or other versions of the wire, is rejected, or there is no place.
+    pub fn enter(&self, hello: &Hello) -> Result<(Peer, Place), Refusal> {
         let mut taken = self.taken.lock();
-        let peer = self.vacant(theirs, &taken)?;
+        let peer = self.vacant(hello, &taken)?;
         let link = taken.enter(&peer);
         Ok((peer, Place { taken: Arc::clone(&self.taken), link }))
     }
 
-    fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
-        let peer = self.application.admit(theirs)?;
+    fn vacant(&self, hello: &Hello, taken: &Taken) -> Result<Peer, Refusal> {
+        let version = self.common_version(hello)?;
+        let peer = Peer { version, ..self.application.admit(&hello.application)? };
         if !taken.has_room(&peer, self.limits().peers) {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
@@ -280,11 +283,14 @@ impl Acceptor {
 
 #[cfg(test)]
 mod tests {
+    use bytes::Bytes;
+
     use super::*;
     use crate::peer::PeerName;
 
     fn peer(place: Option<u64>) -> Peer {
-        Peer { hello: Bytes::new(), name: PeerName::new("a display"), role: None, place, batching: None }
+        let (hello, name, version) = (Bytes::new(), PeerName::new("a display"), WireVersion::CURRENT);
+        Peer { hello, name, version, role: None, place, batching: None }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use bytes::Bytes;
 use serde::de::DeserializeOwned;
 use trimaran_wire::{
     ChannelList, Format, Hello, IdleTimeout, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection,
-    SessionId,
+    SessionId, WireVersion, WireVersions,
 };
 
 use crate::handshake::{HandshakeError, HelloTooLong};
@@ -58,9 +58,15 @@ impl dyn Application + '_ {
     }
 
     /// The hello for one lane of one link.
-    pub(crate) fn introduce(&self, session: SessionId, lane: Lane, idle_timeout: IdleTimeout) -> Hello {
-        let (channels, application) = (self.channels(), self.hello().clone());
-        Hello { protocol: self.protocol(), session, lane, idle_timeout, channels, application }
+    pub(crate) fn introduce(
+        &self,
+        versions: WireVersions,
+        session: SessionId,
+        lane: Lane,
+        idle_timeout: IdleTimeout,
+    ) -> Hello {
+        let (protocol, channels, application) = (self.protocol(), self.channels(), self.hello().clone());
+        Hello { versions, protocol, session, lane, idle_timeout, channels, application }
     }
 }
 
@@ -99,6 +105,8 @@ impl<P: Protocol> Side<P> {
         Peer {
             hello: bytes.clone(),
             name: PeerName::new(&P::name(theirs)),
+            // A handshake chooses one.
+            version: WireVersion::CURRENT,
             role: P::role(theirs),
             place: P::place(theirs),
             batching: P::batching(&self.ours, theirs),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_wire::{Format, Protocol, Refusal, SessionId};
+use trimaran_wire::{Format, Protocol, Refusal, SessionId, WireVersions};
 
 use crate::application::{Application, Side};
 use crate::causes::causes;
@@ -190,17 +190,31 @@ async fn attempt<P: Protocol>(
     by: Instant,
 ) -> Result<Option<Result<Link<P>, AttemptError>>, ConnectError> {
     let session = SessionId(net.random().map_err(ConnectError::Random)?);
-    let introduction = Introduction { application, session, link: &options.link, by };
+    let (link, versions) = (&options.link, options.link.versions);
+    let mut introduction = Introduction { application, versions, session, link, by };
     let attempt = async {
         let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
         let transport = transport_of(endpoint, options).map_err(unsupported)?;
         transport
             .check_channels(application)
             .map_err(|cause| AttemptError::Handshake { address: endpoint.to_string(), cause })?;
-        let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
-        believed::<P>(net, options, &application.format(), parts).await
+        let mut made = transport.connect(net, &endpoint.address(), &introduction).await;
+        if let Err(AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. }) = &made
+            && let Some(earlier) = without_range(versions, refusal)
+        {
+            introduction.versions = earlier;
+            made = transport.connect(net, &endpoint.address(), &introduction).await;
+        }
+        believed::<P>(net, options, &application.format(), made?).await
     };
     Ok(until(&**net, by, attempt).await)
+}
+
+/// The version in common with a listener that refuses a hello with a range: version 4 knows none.
+fn without_range(ours: WireVersions, refusal: &Refusal) -> Option<WireVersions> {
+    let Refusal::Version { listener, .. } = refusal else { return None };
+    let earlier = WireVersions::only(ours.in_common(*listener)?);
+    (earlier != ours).then_some(earlier)
 }
 
 /// Endless pauses between attempts: each is twice the one before, up to `longest`.

@@ -3,9 +3,10 @@
 use std::fmt;
 use std::sync::Arc;
 
-use bytes::Bytes;
 use trimaran_net::{BoxFuture, Instant, Net};
-use trimaran_wire::{Format, Hello, Lane, SessionId};
+use trimaran_wire::{
+    Accept, DecodeError, DecodeFault, Format, Hello, Lane, SessionId, WireVersions,
+};
 
 use crate::acceptor::Acceptor;
 use crate::application::Application;
@@ -76,6 +77,8 @@ impl PartialEq for dyn LaneTransport {
 #[derive(Debug, Clone, Copy)]
 pub struct Introduction<'o> {
     pub(crate) application: &'o dyn Application,
+    /// The versions of the wire that this attempt offers.
+    pub(crate) versions: WireVersions,
     /// The new link's session id.
     pub session: SessionId,
     /// The new link's options.
@@ -94,15 +97,20 @@ impl Introduction<'_> {
     /// The hello to the listener; a transport with one connection for all lanes names [`Lane::Frames`].
     #[must_use]
     pub fn hello(&self, lane: Lane) -> Hello {
-        self.application.introduce(self.session, lane, self.link.idle_timeout.into())
+        self.application.introduce(self.versions, self.session, lane, self.link.idle_timeout.into())
     }
 
-    /// The listener, from the hello in its answer.
+    /// The listener, from its answer.
     ///
     /// # Errors
-    /// If that hello cannot be read.
-    pub fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError> {
-        self.application.recognize(theirs)
+    /// If its hello cannot be read, or it has chosen a version that was not offered.
+    pub fn recognize(&self, answer: &Accept) -> Result<Peer, HandshakeError> {
+        let (ours, version) = (self.versions, answer.version);
+        if !ours.contains(version) {
+            let fault = DecodeFault::Version { ours, theirs: WireVersions::only(version) };
+            return Err(DecodeError { offset: 0, fault }.into());
+        }
+        Ok(Peer { version, ..self.application.recognize(&answer.application)? })
     }
 }
 

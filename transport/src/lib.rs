@@ -156,7 +156,7 @@ pub use trimaran_wire::{
     CountCoded, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FixedBytes, Format, FrameEnd,
     FrameEvent, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind,
     Lane, LatestOf, MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection,
-    SessionId, WireVersion,
+    SessionId, WireVersion, WireVersions,
 };
 #[cfg(feature = "zerocopy")]
 pub use trimaran_wire::{Plain, PlainError};

@@ -194,7 +194,7 @@ impl LinkParts {
         };
         let (max_frame, rate) = (config.max_frame, || Messages::new(most));
         Some(Link {
-            peer: PeerInfo { name: peer.name, hello, session, address },
+            peer: PeerInfo { name: peer.name, hello, session, address, version: peer.version },
             capabilities,
             net: Arc::clone(net),
             stats,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use trimaran_net::{Credentials, StreamPeer};
-use trimaran_wire::{Batching, Protocol, SessionId};
+use trimaran_wire::{Batching, Protocol, SessionId, WireVersion};
 
 /// The peer of a link.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +19,8 @@ pub struct PeerInfo<P: Protocol> {
     pub session: SessionId,
     /// Its address when the link was made: over datagrams and QUIC it may change.
     pub address: PeerAddress,
+    /// The version of the wire that the link has: the highest that both sides speak.
+    pub version: WireVersion,
 }
 
 /// The name of a peer in messages and logs, from its application.
@@ -54,6 +56,8 @@ impl fmt::Debug for PeerName {
 pub struct Peer {
     pub(crate) hello: Bytes,
     pub(crate) name: PeerName,
+    /// The version of the link's wire.
+    pub(crate) version: WireVersion,
     /// The role that it claims. Transports with keys check it against its key.
     pub(crate) role: Option<String>,
     /// The identity by which a listener recognizes it when it connects again.

@@ -9,7 +9,7 @@ use bytes::{Bytes, BytesMut};
 use trimaran_proto::FrameNumber;
 use trimaran_wire::{
     ChannelFormat, ChannelName, ChannelNumber, ChannelSizes, CloseReason, Explanation, FrameEnd,
-    FrameMessage, Lane, Message, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
+    FrameMessage, Lane, Message, ProtocolName, Refusal, Rejection, SessionId, WireVersions,
 };
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
@@ -103,7 +103,8 @@ fn the_examples_are_read_field_by_field() {
             &["trimaran.scene", "trimaran.session_key"],
             "00000000000000000000000000001234|0x0000000000005eed",
         ),
-        ("accept", &["trimaran.role", "trimaran.settings.width"], "0|"),
+        ("hello", &["trimaran.version", "trimaran.version.lowest"], "5|4"),
+        ("accept", &["trimaran.version", "trimaran.role", "trimaran.settings.width"], "5|0|"),
         (
             "accept",
             &[
@@ -240,11 +241,11 @@ fn changes_are_decoded_against_the_frame_before() {
 
 #[test]
 fn each_refusal_is_read_with_its_values() {
-    let version = WireVersion::CURRENT;
+    let versions = WireVersions::SUPPORTED;
     let (session, lane) = (SessionId(5), Lane::Frames);
     let text = Explanation::new;
     let refusals = [
-        (Refusal::Version { listener: version, connector: version }, "0||||"),
+        (Refusal::Version { listener: versions, connector: versions }, "0||||"),
         (
             Refusal::Protocol {
                 listener: ProtocolName::new("trimaran/4"),
@@ -272,10 +273,30 @@ fn each_refusal_is_read_with_its_values() {
     let Some(shown) = read(&[(1, encoded(Message::Refuse(channels)))], &fields) else { return };
     assert_eq!(shown, ["3|clock|300"]);
 
+    // In version 4 each side has one.
+    let versions = Refusal::Version { listener: versions, connector: versions };
+    let refusals = [encoded(Message::Refuse(versions)), vec![0x03, 5, 0, 0, 4, 0, 0, 4, 5]];
+    let packets = refusals.map(|refusal| (1, refusal));
+    let Some(shown) = read(&packets, &["trimaran.version", "trimaran.reason"]) else { return };
+    assert_eq!(shown, ["4;5;4;5;4|0", "4;4;5|0"]);
+
     let close = |code| (0, encoded(Message::Close(CloseReason::new(code, ""))));
     let fields = ["trimaran.close", "trimaran.text", "_ws.col.Info"];
     let Some(shown) = read(&[close(CloseReason::REFUSED)], &fields) else { return };
     assert_eq!(shown, ["65535||Trimaran: close: the listener is not taken"]);
+}
+
+/// What the release before wrote.
+#[test]
+fn the_handshake_of_version_4_is_read() {
+    let kept = crate::examples::examples_of(include_str!("../../../transport/wire/tests/version-4.md"));
+    let packets = [(0, kept["hello"].clone()), (1, kept["accept"].clone()), (1, kept["refuse"].clone())];
+    let fields = [
+        "trimaran.kind", "trimaran.version", "trimaran.version.lowest", "trimaran.protocol",
+        "trimaran.idle_timeout", "trimaran.application",
+    ];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[..2], ["0x01|4||robot/1|20000|0361726d", "0x02||||20000|036d6170"]);
 }
 
 /// Its values have other sizes, so they are shown as raw bytes.
@@ -294,7 +315,7 @@ fn of_another_application_only_kinds_are_read() {
         ["trimaran.kind", "trimaran.protocol", "trimaran.camera.eye", "trimaran.id", "trimaran.application"];
     let Some(shown) = read(&packets, &fields) else { return };
     assert_eq!(shown[0], "0x01|robot/1|||0361726d");
-    assert_eq!(shown[1], "0x02||||036d6170");
+    assert_eq!(shown[1], "0x07||||036d6170");
     assert_eq!(shown[2], "0x10||||0000803f00000040000040c0");
     assert_eq!(
         shown[3],

@@ -12,7 +12,7 @@ use trimaran_proto::{
 };
 use trimaran_wire::{
     Accept, ChannelList, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane,
-    Message, Protocol, ProtocolName, Refusal, SessionId, to_bytes,
+    Message, Protocol, ProtocolName, Refusal, SessionId, WireVersion, WireVersions, to_bytes,
 };
 
 const WIRE: &str = include_str!("../../WIRE.md");
@@ -150,6 +150,7 @@ const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
 
 fn hello(lane: Lane, identity: Identity) -> Message {
     Message::Hello(Hello {
+        versions: WireVersions::SUPPORTED,
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(5),
         lane,
@@ -167,13 +168,12 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("ids", FrameMessage::Batch(ids([1, 258]))),
         ("coded-ids", FrameMessage::Coded(coded())),
     ];
+    let (idle_timeout, application) = (IDLE_TIMEOUT.into(), postcard(&culler()));
+    let accept = Accept { version: WireVersion::CURRENT, idle_timeout, application };
     let mut messages = vec![
         ("hello", hello(Lane::Latest, display())),
         ("hello-without-a-scene", hello(Lane::Bulk, empty_display())),
-        (
-            "accept",
-            Message::Accept(Accept { idle_timeout: IDLE_TIMEOUT.into(), application: postcard(&culler()) }),
-        ),
+        ("accept", Message::Accept(accept)),
         ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&culler(), &culler()).unwrap_err()))),
         ("close", Message::Close(CloseCode::Failed.because("no GPU"))),
         ("camera", Message::Latest(header)),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_wire::{BatchSize, Batching, IdleTimeout};
+use trimaran_wire::{BatchSize, Batching, IdleTimeout, WireVersions};
 
 /// Options of a link over any transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +47,10 @@ pub struct LinkConfig {
     /// newest is read anyway. Not within one process. Default 1,000,000.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::above_zero"))]
     pub messages_per_s: u32,
+    /// The versions of the wire that this side speaks, among those that are
+    /// [supported](WireVersions::SUPPORTED). A link has the highest that both sides speak. Default all.
+    #[cfg_attr(feature = "config", serde(skip))]
+    pub versions: WireVersions,
 }
 
 impl LinkConfig {
@@ -57,6 +61,7 @@ impl LinkConfig {
         with_batching batching: Batching,
         with_max_frame max_frame: u32,
         with_messages_per_s messages_per_s: u32,
+        with_versions versions: WireVersions,
     }
 }
 
@@ -69,6 +74,7 @@ impl Default for LinkConfig {
             batching: Batching { size: BatchSize::default(), coded: false },
             max_frame: 1 << 22,
             messages_per_s: 1_000_000,
+            versions: WireVersions::SUPPORTED,
         }
     }
 }

@@ -95,8 +95,8 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<LinkPar
         }
         return Err(refused(Refusal::Protocol { listener, connector }));
     }
-    let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
-    let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
+    let (ours, place) = acceptor.enter(&introduction.hello(Lane::Frames)).map_err(refused)?;
+    let theirs = introduction.recognize(&acceptor.answer(&ours)).map_err(failed)?;
     let [here, there] = ends(application);
     acceptor.hand_out(assemble(ours, session, there).holding(place)).await;
     Ok(assemble(theirs, session, here))

@@ -162,7 +162,7 @@ mod tests {
             let hello = control.recv_hello().await.unwrap();
             let peer = application.recognize(&hello.application).unwrap();
             let beside = control.accept_beside().await.unwrap();
-            control.send(&Message::Accept(acceptor.answer())).await.unwrap();
+            control.send(&Message::Accept(acceptor.answer(&peer))).await.unwrap();
             let parts = control.into_parts(&net, peer, (hello.session, beside));
             let config = LinkConfig::default();
             let link = parts.into_link::<Robot>(&net, &config, &application.format()).unwrap();

@@ -92,7 +92,7 @@ async fn introduce(
         let mut control = Control::new(connection.clone(), streams, application.format());
         control.send(&Message::Hello(introduction.hello(Lane::Frames))).await?;
         let beside = control.open_beside().await?;
-        let theirs = application.recognize(&control.recv_answer().await?.application)?;
+        let theirs = introduction.recognize(&control.recv_answer().await?)?;
         Ok::<_, HandshakeError>((control, beside, theirs))
     };
     // The listener judges our certificate after we have judged its own, so a refusal comes on an apparent

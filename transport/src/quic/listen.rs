@@ -125,7 +125,7 @@ async fn shake_hands(
     let entered = match lane {
         Lane::Frames => acceptor.identify(&hello).and_then(|theirs| {
             security.judge(key, theirs.role.as_deref())?;
-            acceptor.enter(&hello.application).map_err(HandshakeError::Refused)
+            acceptor.enter(&hello).map_err(HandshakeError::Refused)
         }),
         Lane::Latest | Lane::Messages | Lane::Bulk | Lane::Channel(_) => {
             Err(HandshakeError::Refused(Refusal::Session { session, lane }))
@@ -134,7 +134,7 @@ async fn shake_hands(
     match entered {
         Ok((peer, place)) => {
             let beside = control.accept_beside().await?;
-            control.send(&Message::Accept(acceptor.answer())).await?;
+            control.send(&Message::Accept(acceptor.answer(&peer))).await?;
             let parts = control.into_parts(net, peer, (session, beside));
             acceptor.hand_out(parts.holding(place)).await;
             Ok(())

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::sync::oneshot;
-use trimaran_wire::{Hello, IdleTimeout, Lane, Message, Refusal, SessionId};
+use trimaran_wire::{Hello, IdleTimeout, Lane, Message, Refusal, SessionId, WireVersions};
 
 use super::handshake::{Connection, Lanes};
 use crate::acceptor::{Acceptor, Place};
@@ -44,6 +44,8 @@ struct Reception {
 struct Waiting {
     /// The application's hello on each of them.
     application: Bytes,
+    /// The versions that each of them offers.
+    versions: WireVersions,
     arrived: BTreeMap<Lane, Arrived>,
 }
 
@@ -198,13 +200,15 @@ impl Reception {
         let channels = self.acceptor.format().channels;
         let unknown = matches!(lane, Lane::Channel(number) if number.index() >= channels.len());
         let mut sessions = self.waiting.lock();
-        let new = || Waiting { application: hello.application.clone(), arrived: BTreeMap::new() };
+        let (application, versions) = (&hello.application, hello.versions);
+        let new = || Waiting { application: application.clone(), versions, arrived: BTreeMap::new() };
         let waiting = sessions.entry(session).or_insert_with(new);
-        if unknown || waiting.arrived.contains_key(&lane) || waiting.application != hello.application {
+        let differs = waiting.application != *application || waiting.versions != versions;
+        if unknown || differs || waiting.arrived.contains_key(&lane) {
             return Entry::Refused(connection, Refusal::Session { session, lane });
         }
         let is_last = waiting.arrived.len() + 1 == LANES + channels.len();
-        let place = match is_last.then(|| self.acceptor.enter(&hello.application)).transpose() {
+        let place = match is_last.then(|| self.acceptor.enter(&hello)).transpose() {
             Ok(place) => place,
             Err(refusal) => return Entry::Refused(connection, refusal),
         };
@@ -228,7 +232,7 @@ impl Reception {
         (peer, place): (Peer, Place),
     ) -> Result<(), HandshakeError> {
         let Acceptor { net, link, .. } = &*self.acceptor;
-        let accept = Message::Accept(self.acceptor.answer());
+        let accept = Message::Accept(self.acceptor.answer(&peer));
         lanes.accept(&accept).await?;
         let parts = lanes.into_parts(net, link.agreed(idle_timeout), peer, session).holding(place);
         self.acceptor.hand_out(parts).await;

@@ -90,7 +90,7 @@ async fn introduce(
         // The refused lane gets its reason at once, the others only after waiting for it.
         let accepts = try_all(all.iter_mut().map(|(_, connection)| connection.recv_answer())).await?;
         let accept = accepts.first().ok_or(HandshakeError::Closed)?;
-        let theirs = introduction.recognize(&accept.application)?;
+        let theirs = introduction.recognize(accept)?;
         let lanes = Lanes::of(all.into_iter().collect(), format.channels, transport);
         Ok((theirs, accept.idle_timeout, lanes.ok_or(HandshakeError::Closed)?))
     }

@@ -65,8 +65,8 @@ impl Setting {
         let connection = self.dial().await;
         let streams = connection.open_bi().await.unwrap();
         let mut control = Control::new(connection.clone(), streams, Format::of::<Robot>());
-        let hello =
-            panel().introduce(SessionId(session), Lane::Frames, Options::default().link.idle_timeout.into());
+        let LinkConfig { versions, idle_timeout, .. } = LinkConfig::default();
+        let hello = panel().introduce(versions, SessionId(session), Lane::Frames, idle_timeout.into());
         control.send(&Message::Hello(hello)).await.unwrap();
         let beside = control.open_beside().await.unwrap();
         let soon = self.net.now().after(std::time::Duration::from_secs(60));

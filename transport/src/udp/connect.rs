@@ -92,7 +92,7 @@ async fn introduce(
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
     let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
     let (accept, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
-    let theirs = application.recognize(&accept.application).map_err(failed)?;
+    let theirs = introduction.recognize(&accept).map_err(failed)?;
     connection.set_idle_timeout(link.agreed(accept.idle_timeout));
     let reliable = reliable && config.frame_deadline.is_none();
     let batching = theirs.batching.unwrap_or(link.batching);

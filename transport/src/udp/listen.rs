@@ -21,6 +21,7 @@ use super::socket::{Incoming, Outgoing, Path};
 use crate::acceptor::Acceptor;
 use crate::handshake::HandshakeError;
 use crate::keys::{KnownPeer, NoiseKey, PeerKey, Security};
+use crate::peer::Peer;
 use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::watched_socket::WatchedSocket;
@@ -96,6 +97,7 @@ fn known(security: Option<&Security>) -> Arc<[KnownPeer]> {
 /// A caller with valid keys.
 struct Guest {
     hello: Hello,
+    peer: Peer,
     /// How items travel.
     batching: Batching,
     /// Whether all frames will be complete, in both directions.
@@ -196,7 +198,7 @@ impl UdpListener {
         self.acceptor.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.frame_deadline.is_none();
         let batching = peer.batching.unwrap_or(self.acceptor.link.batching);
-        Ok(Guest { hello, batching, reliable, counters })
+        Ok(Guest { hello, peer, batching, reliable, counters })
     }
 
     /// Makes a connection for the caller, and a link once it has proved to be there now: its first packet may
@@ -204,7 +206,7 @@ impl UdpListener {
     fn let_in(&self, path: Path, initial: Initial, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let (acceptor, caller) = (&self.acceptor, (path.remote, initial.from));
         let here = self.free_name()?;
-        let accept = Message::Accept(acceptor.answer());
+        let accept = Message::Accept(acceptor.answer(&guest.peer));
         let answer = introduce_with(&accept, &self.config, &guest.counters);
         let Batching { size: batch, coded } = guest.batching;
         let idle_timeout = acceptor.link.agreed(guest.hello.idle_timeout);
@@ -267,7 +269,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
     drop(slot);
     let Guest { hello, reliable, counters, .. } = guest;
     let entered =
-        confirmed.and_then(|()| acceptor.enter(&hello.application).map_err(HandshakeError::Refused));
+        confirmed.and_then(|()| acceptor.enter(&hello).map_err(HandshakeError::Refused));
     let (peer, place) = match entered {
         Ok(entered) => entered,
         Err(error) => {

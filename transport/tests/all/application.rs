@@ -8,7 +8,7 @@ use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, FrameStart, HandshakeError, Lane, ListenError, Options, Protocol,
     ProtocolError, ProtocolName, RecvError, Refusal, Rejection, SessionId,
 };
-use trimaran_wire::{ChannelList, Decoder, Hello, Message};
+use trimaran_wire::{ChannelList, Decoder, Hello, Message, WireVersions};
 
 use crate::common::meeting::Meeting;
 use crate::common::{Link, Listener, connect, format, last_failure, net, obstacle_of, soon};
@@ -113,7 +113,8 @@ async fn a_hello_that_cannot_be_read_is_refused() {
         let protocol = ProtocolName::new(Robot::NAME);
         let idle_timeout = options.link.idle_timeout.into();
         let (session, lane, channels) = (SessionId(1), Lane::Frames, ChannelList::default());
-        let hello = Hello { protocol, session, lane, idle_timeout, channels, application };
+        let versions = WireVersions::SUPPORTED;
+        let hello = Hello { versions, protocol, session, lane, idle_timeout, channels, application };
         let mut said = BytesMut::new();
         Message::Hello(hello).encode(&mut said);
         let mut stranger = TcpStream::connect(at.to_string()).await.unwrap();

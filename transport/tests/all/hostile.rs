@@ -11,7 +11,7 @@ use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use trimaran_transport::conformance::{ARM, Greeting, MAP, PANEL, greeting};
 use trimaran_transport::{
     DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, LinkConfig, Options, ProtocolError, RecvError,
-    Refusal, SessionId, WireVersion, until,
+    Refusal, SessionId, WireVersion, WireVersions, until,
 };
 use trimaran_wire::{Decoder, Message};
 
@@ -253,16 +253,17 @@ mod cases {
     pub(super) async fn another_version_is_refused_in_words_that_it_can_read(endpoint: &str) {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
         let mut stranger = dial(&at).await;
-        // A later version: the first six bytes of its hello are fixed, the rest may be anything.
-        let hello = [0x01, 9, 0, 0, b'T', b'R', b'I', b'M', 0x07, 0x01, 0xff, 0xff, 0xff];
+        // A later version: the first eight bytes of its hello are fixed, the rest may be anything.
+        let hello = [0x01, 9, 0, 0, b'T', b'R', b'I', b'M', 0x07, 0x01, 0x06, 0x01, 0xff];
         stranger.write_all(&hello).await.unwrap();
         let mut answer = Vec::new();
         stranger.read_to_end(&mut answer).await.unwrap();
         assert_eq!(answer[0], Kind::Refuse.code());
-        assert_eq!(answer[4..6], WireVersion::CURRENT.0.to_le_bytes(), "the listener's version comes first");
+        assert_eq!(answer[4..6], WireVersion::LOWEST.0.to_le_bytes(), "the listener's lowest comes first");
         let mut decoder = Decoder::new(format());
         decoder.push(&answer);
-        let expected = Refusal::Version { listener: WireVersion::CURRENT, connector: WireVersion(0x0107) };
+        let connector = WireVersions { highest: WireVersion(0x0107), lowest: WireVersion(0x0106) };
+        let expected = Refusal::Version { listener: WireVersions::SUPPORTED, connector };
         assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected.clone()))));
         let failure = last_failure(&mut listener).await;
         assert!(matches!(&failure, HandshakeError::Refused(known) if *known == expected), "{failure:?}");
@@ -287,7 +288,8 @@ mod cases {
             known = refusal(&net, &at, greeting(PANEL), &options) => known,
             () = serve => unreachable!(),
         };
-        assert_eq!(known, Refusal::Version { listener: WireVersion(7), connector: WireVersion::CURRENT });
+        let listener = WireVersions::only(WireVersion(7));
+        assert_eq!(known, Refusal::Version { listener, connector: WireVersions::SUPPORTED });
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {

@@ -4,6 +4,9 @@
 #[path = "../common/mod.rs"]
 #[macro_use]
 mod common;
+#[allow(dead_code, reason = "other crates' tests use the rest")]
+#[path = "../../wire/tests/all/examples/mod.rs"]
+mod examples;
 
 #[cfg(all(feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "inproc"))]
 mod api;
@@ -47,6 +50,8 @@ mod udp_way;
 mod unix;
 #[cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "inproc"))]
 mod untyped;
+#[cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "ws"))]
+mod versions;
 #[cfg(all(feature = "quic", feature = "udp"))]
 mod way;
 #[cfg(feature = "ws")]

@@ -9,7 +9,7 @@ use trimaran_transport::conformance::{PANEL, greeting, pose};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Options, RecvError,
-    Refusal, SessionId, WireVersion, until,
+    Refusal, SessionId, WireVersion, WireVersions, until,
 };
 use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security, VERSION};
 use trimaran_wire::{Message, to_bytes};
@@ -111,8 +111,8 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     let mut hello = BytesMut::new();
     introduce(&greeting(PANEL), SessionId(7), Lane::Frames).encode(&mut hello);
     // Behind the header and the four letters of every hello; the rest may have any meaning there.
-    hello[8..10].copy_from_slice(&9_u16.to_le_bytes());
-    hello[10..].fill(0xff);
+    hello[8..12].copy_from_slice(&[9, 0, 9, 0]);
+    hello[12..].fill(0xff);
     // All frames will be complete.
     hello.put_u8(0);
     let mut connecting = Connecting::new(&Security::Plaintext, ConnectionId(5), &hello).unwrap();
@@ -128,7 +128,8 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
             other => panic!("{other:?}"),
         };
     };
-    let expected = Refusal::Version { listener: WireVersion::CURRENT, connector: WireVersion(9) };
+    let connector = WireVersions::only(WireVersion(9));
+    let expected = Refusal::Version { listener: WireVersions::SUPPORTED, connector };
     let mut said = BytesMut::new();
     Message::Refuse(expected.clone()).encode(&mut said);
     assert_eq!(refusal[..said.len()], said);

@@ -19,7 +19,7 @@ use bytes::Bytes;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting, meet};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, LinkConfig, Net,
-    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
+    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet, WireVersion, WireVersions,
 };
 use trimaran_wire::{Accept, ChannelList, Format, Hello, Message};
 
@@ -59,15 +59,15 @@ pub(crate) fn hello_bytes(who: &Greeting) -> Bytes {
 pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Message {
     let protocol = ProtocolName::new(Robot::NAME);
     let (idle_timeout, application) = (LinkConfig::default().idle_timeout.into(), hello_bytes(who));
-    let channels = ChannelList::default();
-    Message::Hello(Hello { protocol, session, lane, idle_timeout, channels, application })
+    let (versions, channels) = (WireVersions::SUPPORTED, ChannelList::default());
+    Message::Hello(Hello { versions, protocol, session, lane, idle_timeout, channels, application })
 }
 
 /// The answer of the listening peer.
 pub(crate) fn answer() -> Message {
     let (idle_timeout, application) =
         (LinkConfig::default().idle_timeout.into(), hello_bytes(&greeting(ARM)));
-    Message::Accept(Accept { idle_timeout, application })
+    Message::Accept(Accept { version: WireVersion::CURRENT, idle_timeout, application })
 }
 
 /// A listener's refusal of a peer with another map.

@@ -20,9 +20,10 @@ const TARGETS: [(&str, Check, &[&str]); 2] = [
             "a-peer-messages-lane-first",
             "a-peer-bulk-lane-first",
             "a-peer-without-a-role",
+            "a-peer-of-two-versions",
         ],
     ),
-    ("answers", hellos::answers, &["accept", "accept-with-a-batch-size-and-a-close"]),
+    ("answers", hellos::answers, &["accept", "accept-with-a-batch-size-and-a-close", "accept-with-version"]),
 ];
 
 #[test]

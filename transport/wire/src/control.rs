@@ -7,22 +7,9 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{ChannelFormat, ChannelList, ChannelNumber, Explanation, ProtocolName, Text};
-
-/// The version of the wire format of links. Peers of different versions refuse each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct WireVersion(pub u16);
-
-impl WireVersion {
-    /// The version that this crate speaks.
-    pub const CURRENT: Self = Self(4);
-}
-
-impl fmt::Display for WireVersion {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
+use crate::{
+    ChannelFormat, ChannelList, ChannelNumber, Explanation, ProtocolName, Text, WireVersion, WireVersions,
+};
 
 /// The lane of a link that a connection carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -71,6 +58,9 @@ impl IdleTimeout {
     /// The shortest one. Shorter ones count as this: an idle peer sends four keep-alives in that time.
     pub const MIN: Duration = Duration::from_millis(50);
 
+    /// The longest one that is sent: its varint has four bytes, for which [`Hello`] has room.
+    const MAX_MILLIS: u32 = (1 << 28) - 1;
+
     /// The timeout that holds for both sides.
     #[must_use]
     pub fn agreed(self, theirs: Self) -> Duration {
@@ -78,10 +68,11 @@ impl IdleTimeout {
     }
 }
 
-/// A time beyond 49 days counts as 49 days.
+/// A time beyond three days counts as three days.
 impl From<Duration> for IdleTimeout {
     fn from(time: Duration) -> Self {
-        Self(u32::try_from(time.max(Self::MIN).as_millis()).unwrap_or(u32::MAX))
+        let millis = u32::try_from(time.max(Self::MIN).as_millis()).unwrap_or(u32::MAX);
+        Self(millis.min(Self::MAX_MILLIS))
     }
 }
 
@@ -90,10 +81,14 @@ pub const MAX_HELLO: usize = 200;
 
 /// The first message of the connecting peer.
 ///
-/// On the wire it starts with a magic number and the version, in a layout that no version changes: so a peer
-/// of any other version can be told.
+/// On the wire it starts with a magic number and the highest version, in a layout that no version changes: so
+/// a peer of any other version can be told. A listener of version 4 reads at most 256 bytes, or 897 with
+/// channels. The longest hello has no more.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hello {
+    /// The versions that the connecting peer speaks. Where the highest is 4 the hello has version 4's layout,
+    /// which names no other one.
+    pub versions: WireVersions,
     /// The name of the application's protocol.
     pub protocol: ProtocolName,
     /// The link of this connection.
@@ -111,6 +106,8 @@ pub struct Hello {
 /// The answer to an accepted hello, with the hello of the application's peer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Accept {
+    /// The version of the link: the highest in common. Version 4's layout is that of version 4 alone.
+    pub version: WireVersion,
     /// When the listening peer takes a silent one for lost.
     pub idle_timeout: IdleTimeout,
     /// As in [`Hello::application`].
@@ -139,16 +136,16 @@ impl Rejection {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// The versions of the wire differ.
+    /// The peers have no version of the wire in common.
     #[error(
-        "the listener speaks version {listener} of the wire, the connecting peer version {connector}: \
-         install the same release on both"
+        "the listener speaks {listener} of the wire, the connecting peer {connector}: install the same \
+         release on both"
     )]
     Version {
         /// Of the listening peer.
-        listener: WireVersion,
+        listener: WireVersions,
         /// Of the connecting peer.
-        connector: WireVersion,
+        connector: WireVersions,
     },
     /// The applications differ.
     #[error(
@@ -257,7 +254,7 @@ mod tests {
         assert_eq!(agreed(0, 30_000), 50);
         // As a peer may send it.
         assert_eq!(IdleTimeout(0).agreed(of(30_000)), IdleTimeout::MIN);
-        assert_eq!(agreed(u64::MAX, u64::MAX), u128::from(u32::MAX));
+        assert_eq!(agreed(u64::MAX, u64::MAX), (1 << 28) - 1);
     }
 
     #[test]

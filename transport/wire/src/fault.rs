@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::{BatchError, Kind, WireVersion};
+use crate::{BatchError, Kind, WireVersions};
 
 /// The fault of a message.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -29,16 +29,15 @@ pub enum DecodeFault {
     /// A hello without the magic number.
     #[error("the hello does not start with the magic number: this is not a Trimaran peer")]
     NotTrimaran,
-    /// A hello of another version.
+    /// A hello or an accept of other versions.
     #[error(
-        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same \
-         release on both"
+        "the peer speaks {theirs} of the protocol, this one {ours}: install the same release on both"
     )]
     Version {
-        /// The version of this side.
-        ours: WireVersion,
-        /// The version of the other.
-        theirs: WireVersion,
+        /// The versions of this side.
+        ours: WireVersions,
+        /// The versions of the other.
+        theirs: WireVersions,
     },
     /// A batch that is not a whole number of items.
     #[error("the batch is bad: {cause}")]

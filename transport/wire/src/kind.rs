@@ -23,7 +23,7 @@ pub const MAX_BLOCK: usize = 16_384;
 pub enum Kind {
     /// A connecting peer's hello, with its session and lane.
     Hello = 0x01,
-    /// The hello was accepted.
+    /// The hello was accepted in version 4, which it has not to name.
     Accept = 0x02,
     /// The hello was refused, and why.
     Refuse = 0x03,
@@ -33,6 +33,8 @@ pub enum Kind {
     KeepAlive = 0x05,
     /// A hello of a peer whose protocol has channels.
     ChannelsHello = 0x06,
+    /// The hello was accepted in the version that this names.
+    VersionedAccept = 0x07,
     /// A value of the latest lane.
     Latest = 0x10,
     /// A value and its number, where the latest lane has no order of its own.
@@ -53,13 +55,14 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
         Self::Close,
         Self::KeepAlive,
         Self::ChannelsHello,
+        Self::VersionedAccept,
         Self::Latest,
         Self::Numbered,
         Self::Begin,
@@ -86,9 +89,10 @@ impl Kind {
     #[must_use]
     pub const fn lengths(self, format: &Format) -> RangeInclusive<usize> {
         match self {
-            Self::Hello => 2..=MAX_HELLO + 56,
-            Self::ChannelsHello => 2..=MAX_HELLO + 57 + MAX_CHANNELS * 40,
+            Self::Hello => 2..=MAX_HELLO + 58,
+            Self::ChannelsHello => 2..=MAX_HELLO + 59 + MAX_CHANNELS * 40,
             Self::Accept => 1..=MAX_HELLO + 5,
+            Self::VersionedAccept => 3..=MAX_HELLO + 7,
             Self::Refuse => 2..=512,
             Self::Close => 1..=256,
             Self::KeepAlive => 0..=0,
@@ -122,6 +126,7 @@ impl fmt::Display for Kind {
             Self::Close => "close",
             Self::KeepAlive => "keep-alive",
             Self::ChannelsHello => "hello with channels",
+            Self::VersionedAccept => "accept with version",
             Self::Latest => "latest value",
             Self::Numbered => "numbered value",
             Self::Begin => "begin",

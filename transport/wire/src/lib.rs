@@ -50,15 +50,14 @@ mod plain;
 mod protocol;
 mod serial;
 mod text;
+mod version;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
 pub use channel::{
     Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CountCoded, MAX_CHANNELS,
 };
 pub use channel_types::{FramesOf, LatestOf};
-pub use control::{
-    Accept, CloseReason, Hello, IdleTimeout, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion,
-};
+pub use control::{Accept, CloseReason, Hello, IdleTimeout, Lane, MAX_HELLO, Refusal, Rejection, SessionId};
 pub use decode::{DecodeError, Decoder};
 pub use event::{FrameEvent, FrameStart};
 pub use fault::DecodeFault;
@@ -75,6 +74,7 @@ pub use plain::{Plain, PlainError};
 pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};
 pub use text::{Explanation, ProtocolName, Text, TextError};
+pub use version::{WireVersion, WireVersions};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

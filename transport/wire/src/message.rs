@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::{
     Accept, ChannelList, CloseReason, DecodeFault, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber,
-    Hello, Kind, Numbered, Refusal, WireVersion, batch,
+    Hello, Kind, Numbered, Refusal, WireVersion, WireVersions, batch,
 };
 
 /// The first bytes of every hello, in every version: they distinguish a peer from a stranger.
@@ -55,6 +55,7 @@ impl Message {
         match self {
             Self::Hello(hello) if !hello.channels.is_empty() => Kind::ChannelsHello,
             Self::Hello(_) => Kind::Hello,
+            Self::Accept(accept) if accept.version > WireVersion::WITHOUT_RANGE => Kind::VersionedAccept,
             Self::Accept(_) => Kind::Accept,
             Self::Refuse(_) => Kind::Refuse,
             Self::Close(_) => Kind::Close,
@@ -74,21 +75,29 @@ impl Message {
 
     fn put_payload(&self, out: &mut BytesMut) {
         match self {
-            Self::Hello(Hello { protocol, session, lane, idle_timeout, channels, application }) => {
+            Self::Hello(hello) => {
+                let Hello { versions, protocol, session, lane, idle_timeout, channels, application } = hello;
                 out.put_slice(&MAGIC);
-                out.put_u16_le(WireVersion::CURRENT.0);
+                out.put_u16_le(versions.highest.0);
+                if versions.highest > WireVersion::WITHOUT_RANGE {
+                    out.put_u16_le(versions.lowest.0);
+                }
                 put_control(out, &(protocol, session, lane, idle_timeout));
                 if !channels.is_empty() {
                     put_control(out, channels);
                 }
                 out.put_slice(application);
             }
-            Self::Accept(Accept { idle_timeout, application }) => {
+            Self::Accept(Accept { version, idle_timeout, application }) => {
+                if self.kind() == Kind::VersionedAccept {
+                    out.put_u16_le(version.0);
+                }
                 put_control(out, idle_timeout);
                 out.put_slice(application);
             }
             Self::Refuse(refusal) => {
-                out.put_u16_le(WireVersion::CURRENT.0);
+                // It may be written before the hello has come.
+                out.put_u16_le(WireVersion::LOWEST.0);
                 put_control(out, refusal);
             }
             Self::Close(reason) => put_control(out, reason),
@@ -105,11 +114,15 @@ impl Message {
         let short = DecodeFault::Short { kind };
         match kind {
             Kind::Hello | Kind::ChannelsHello => parse_hello(kind, payload),
-            Kind::Accept => {
-                let (idle_timeout, application) = take_control(kind, payload)?;
-                Ok(Self::Accept(Accept { idle_timeout, application }))
+            Kind::Accept => parse_accept(kind, WireVersion::WITHOUT_RANGE, payload),
+            Kind::VersionedAccept => {
+                let (version, body) = take_version(kind, payload)?;
+                if !WireVersions::SUPPORTED.contains(version) || version <= WireVersion::WITHOUT_RANGE {
+                    return Err(unsupported(WireVersions::only(version)));
+                }
+                parse_accept(kind, version, body)
             }
-            Kind::Refuse => parse_refusal(&payload),
+            Kind::Refuse => parse_refusal(payload),
             Kind::Close => parse_control(kind, &payload).map(Self::Close),
             Kind::KeepAlive => Ok(Self::KeepAlive),
             Kind::Latest => Ok(Self::Latest(payload.as_ref().into())),
@@ -219,27 +232,54 @@ fn parse_control<T: serde::de::DeserializeOwned>(kind: Kind, payload: &[u8]) -> 
     if rest.is_empty() { Ok(value) } else { Err(DecodeFault::Trailing { kind, bytes: rest.len() }) }
 }
 
-fn parse_hello(kind: Kind, payload: Bytes) -> Result<Message, DecodeFault> {
-    let rest = payload.strip_prefix(&MAGIC).ok_or(DecodeFault::NotTrimaran)?;
-    let (version, body) = rest.split_first_chunk().ok_or(DecodeFault::Short { kind })?;
-    let theirs = WireVersion(u16::from_le_bytes(*version));
-    if theirs != WireVersion::CURRENT {
-        return Err(DecodeFault::Version { ours: WireVersion::CURRENT, theirs });
+/// Reads the beginning of a payload as a version. Returns the rest as well.
+fn take_version(kind: Kind, mut payload: Bytes) -> Result<(WireVersion, Bytes), DecodeFault> {
+    let version = payload.try_get_u16_le().map_err(|_| DecodeFault::Short { kind })?;
+    Ok((WireVersion(version), payload))
+}
+
+const fn unsupported(theirs: WireVersions) -> DecodeFault {
+    DecodeFault::Version { ours: WireVersions::SUPPORTED, theirs }
+}
+
+fn parse_hello(kind: Kind, mut payload: Bytes) -> Result<Message, DecodeFault> {
+    if !payload.starts_with(&MAGIC) {
+        return Err(DecodeFault::NotTrimaran);
     }
-    let body = payload.slice_ref(body);
+    payload.advance(MAGIC.len());
+    let (highest, mut body) = take_version(kind, payload)?;
+    let mut versions = WireVersions::only(highest);
+    if highest > WireVersion::WITHOUT_RANGE {
+        (versions.lowest, body) = take_version(kind, body)?;
+    }
+    // The rest has the layout of the lowest version, or of 5 if that is higher: one that this side knows.
+    if WireVersions::SUPPORTED.in_common(versions).is_none() {
+        return Err(unsupported(versions));
+    }
     let ((protocol, session, lane, idle_timeout), rest) = take_control(kind, body)?;
     let (channels, application) =
         if kind == Kind::ChannelsHello { take_control(kind, rest)? } else { (ChannelList::default(), rest) };
-    Ok(Message::Hello(Hello { protocol, session, lane, idle_timeout, channels, application }))
+    Ok(Message::Hello(Hello { versions, protocol, session, lane, idle_timeout, channels, application }))
 }
 
-/// A refusal is for the connecting peer, so its version is the listener's.
-fn parse_refusal(payload: &[u8]) -> Result<Message, DecodeFault> {
-    let (version, body) = payload.split_first_chunk().ok_or(DecodeFault::Short { kind: Kind::Refuse })?;
-    let listener = WireVersion(u16::from_le_bytes(*version));
-    let connector = WireVersion::CURRENT;
-    if listener != connector {
-        return Ok(Message::Refuse(Refusal::Version { listener, connector }));
-    }
-    parse_control(Kind::Refuse, body).map(Message::Refuse)
+/// Reads an accept behind its version.
+fn parse_accept(kind: Kind, version: WireVersion, body: Bytes) -> Result<Message, DecodeFault> {
+    let (idle_timeout, application) = take_control(kind, body)?;
+    Ok(Message::Accept(Accept { version, idle_timeout, application }))
+}
+
+/// A refusal has the layout of the listener's lowest version.
+fn parse_refusal(payload: Bytes) -> Result<Message, DecodeFault> {
+    let (layout, body) = take_version(Kind::Refuse, payload)?;
+    let refusal = match parse_control(Kind::Refuse, &body) {
+        // The same in every version from 5 on.
+        Ok(refusal @ Refusal::Version { .. }) => refusal,
+        // Version 4 names one version of each side, and later ones may be laid out otherwise.
+        _ if body.first() == Some(&0) || !WireVersions::SUPPORTED.contains(layout) => {
+            let (listener, connector) = (WireVersions::only(layout), WireVersions::SUPPORTED);
+            Refusal::Version { listener, connector }
+        }
+        other => other?,
+    };
+    Ok(Message::Refuse(refusal))
 }

@@ -9,7 +9,7 @@ use tokio::net::{TcpListener, TcpStream};
 use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
 use trimaran_transport::{
     AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Options,
-    Refusal, WireVersion, until,
+    Refusal, WireVersion, WireVersions, until,
 };
 use trimaran_wire::{Decoder, Message};
 
@@ -68,7 +68,7 @@ async fn fewer_lanes_than_four_are_refused_in_time() {
 #[tokio::test]
 async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();
-    let versions = (WireVersion(7), WireVersion::CURRENT);
+    let versions = (WireVersions::only(WireVersion(7)), WireVersions::SUPPORTED);
     for refusal in [
         Refusal::Busy,
         Refusal::Unpaired { session: SESSION },

@@ -12,7 +12,8 @@ use trimaran_wire::{
     Accept, BatchSize, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason,
     Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd, FrameMessage, FrameNumber,
     FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, IdleTimeout, Lane, MAX_BLOCK, MAX_CHANNELS,
-    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
+    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
+    WireVersions,
 };
 
 use crate::refusals::{longest_channel, refusals};
@@ -54,10 +55,18 @@ fn idle_timeout() -> impl Strategy<Value = IdleTimeout> {
     any::<u32>().prop_map(|millis| Duration::from_millis(millis.into()).into())
 }
 
+/// Those of this release, of the one before, and of the next one.
+fn versions() -> impl Strategy<Value = WireVersions> {
+    prop::sample::select(vec![(5, 4), (4, 4), (6, 5)])
+        .prop_map(|(highest, lowest)| WireVersions { highest: WireVersion(highest), lowest: WireVersion(lowest) })
+}
+
 fn hello() -> impl Strategy<Value = Message> {
-    (any::<String>(), any::<u64>(), lane(), idle_timeout(), channels(), bytes(0..=MAX_HELLO)).prop_map(
-        |(protocol, session, lane, idle_timeout, channels, application)| {
+    let application = bytes(0..=MAX_HELLO);
+    (versions(), any::<String>(), any::<u64>(), lane(), idle_timeout(), channels(), application).prop_map(
+        |(versions, protocol, session, lane, idle_timeout, channels, application)| {
             Message::Hello(Hello {
+                versions,
                 protocol: ProtocolName::new(&protocol),
                 session: SessionId(session),
                 lane,
@@ -73,6 +82,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
     let session = any::<u64>().prop_map(SessionId);
     let name = any::<String>().prop_map(|name| ProtocolName::new(&name));
     prop_oneof![
+        (versions(), versions()).prop_map(|(listener, connector)| Refusal::Version { listener, connector }),
         (name.clone(), name).prop_map(|(listener, connector)| Refusal::Protocol { listener, connector }),
         (any::<u16>(), any::<String>()).prop_map(|(code, why)| Refusal::Rejected(Rejection::new(code, &why))),
         (session.clone(), lane()).prop_map(|(session, lane)| Refusal::Session { session, lane }),
@@ -103,8 +113,9 @@ fn message() -> impl Strategy<Value = Message> {
     ];
     prop_oneof![
         hello(),
-        (idle_timeout(), bytes(0..=MAX_HELLO)).prop_map(|(idle_timeout, bytes)| {
-            Message::Accept(Accept { idle_timeout, application: bytes.into() })
+        (4..=5_u16, idle_timeout(), bytes(0..=MAX_HELLO)).prop_map(|(version, idle_timeout, bytes)| {
+            let (version, application) = (WireVersion(version), bytes.into());
+            Message::Accept(Accept { version, idle_timeout, application })
         }),
         refusal().prop_map(Message::Refuse),
         (any::<u16>(), text()).prop_map(|(code, why)| Message::Close(CloseReason { code, why })),
@@ -292,6 +303,7 @@ fn the_longest_control_messages_are_taken() {
     let application = Bytes::from(vec![7; MAX_HELLO]);
     let mut messages = vec![
         Message::Hello(Hello {
+            versions: WireVersions::SUPPORTED,
             protocol: name,
             session,
             lane,
@@ -299,7 +311,7 @@ fn the_longest_control_messages_are_taken() {
             channels,
             application: application.clone(),
         }),
-        Message::Accept(Accept { idle_timeout, application }),
+        Message::Accept(Accept { version: WireVersion::CURRENT, idle_timeout, application }),
         Message::Close(CloseReason { code: u16::MAX, why: text }),
         Message::Message(vec![0; MAX_MESSAGE].into()),
         Message::Block(vec![0; MAX_BLOCK].into()),

@@ -1,6 +1,6 @@
 //! A decoder's errors for bytes that are not this protocol.
 
-use trimaran_wire::{BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion};
+use trimaran_wire::{BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion, WireVersions};
 
 const FORMAT: Format = Format { latest: 12, header: 8, item: 4, count_coded: |_| None, channels: &[] };
 
@@ -51,8 +51,12 @@ fn a_hello_is_known_by_its_magic_number_and_version() {
     assert_eq!(hello(b"TRIN\x01\x00"), Err(DecodeFault::NotTrimaran));
     assert_eq!(hello(b"TRI"), Err(DecodeFault::NotTrimaran));
     assert_eq!(hello(b"TRIM\x01"), Err(DecodeFault::Short { kind: Kind::Hello }));
-    let version = DecodeFault::Version { ours: WireVersion::CURRENT, theirs: WireVersion(0x0102) };
-    assert_eq!(hello(b"TRIM\x02\x01whatever"), Err(version));
+    assert_eq!(hello(b"TRIM\x05\x00\x04"), Err(DecodeFault::Short { kind: Kind::Hello }));
+    let range = |lowest, highest| WireVersions { lowest: WireVersion(lowest), highest: WireVersion(highest) };
+    let others = |theirs| DecodeFault::Version { ours: WireVersions::SUPPORTED, theirs };
+    assert_eq!(hello(b"TRIM\x02\x01\x01\x01whatever"), Err(others(range(0x0101, 0x0102))));
+    assert_eq!(hello(b"TRIM\x05\x00\x09\x00upside down"), Err(others(range(9, 5))));
+    assert_eq!(hello(b"TRIM\x03\x00whatever"), Err(others(range(3, 3))));
     let cut = hello(b"TRIM\x04\x00\x07robo");
     assert!(matches!(cut, Err(DecodeFault::Control { kind: Kind::Hello, .. })), "{cut:?}");
     let long = [b"TRIM\x04\x00\x21".as_slice(), &[b'x'; 33], &[5, 0]].concat();
@@ -63,11 +67,36 @@ fn a_hello_is_known_by_its_magic_number_and_version() {
     );
 }
 
+/// The next release names both versions that it speaks, and writes the rest as this one does.
+#[test]
+fn a_hello_of_the_next_release_is_read() {
+    let read = decode(&message(Kind::Hello, b"TRIM\x06\x00\x05\x00\x01r\x05\x00\x64arm"));
+    let Ok(Some(Message::Hello(hello))) = read else { panic!("{read:?}") };
+    let theirs = WireVersions { highest: WireVersion(6), lowest: WireVersion(5) };
+    assert_eq!((hello.versions, hello.application.as_ref()), (theirs, b"arm".as_slice()));
+}
+
+#[test]
+fn an_accept_names_a_version_that_this_side_speaks() {
+    for (version, known) in [(3, false), (4, false), (5, true), (6, false)] {
+        let read = decode(&message(Kind::VersionedAccept, &[version, 0, 0x64]));
+        let theirs = WireVersions::only(WireVersion(version.into()));
+        let fault = DecodeFault::Version { ours: WireVersions::SUPPORTED, theirs };
+        match read {
+            Ok(Some(Message::Accept(accept))) => assert!(known && accept.version.0 == u16::from(version)),
+            other => assert_eq!((other, known), (Err(fault), false)),
+        }
+    }
+}
+
 #[test]
 fn a_refusal_of_another_version_is_read_no_further() {
-    let refused = decode(&message(Kind::Refuse, &[5, 0, 0xff, 0xff]));
-    let (listener, connector) = (WireVersion(5), WireVersion::CURRENT);
-    assert_eq!(refused, Ok(Some(Message::Refuse(Refusal::Version { listener, connector }))));
+    let refusal = |listener, connector| Ok(Some(Message::Refuse(Refusal::Version { listener, connector })));
+    let ours = WireVersions::SUPPORTED;
+    let refused = decode(&message(Kind::Refuse, &[6, 0, 0xff, 0xff]));
+    assert_eq!(refused, refusal(WireVersions::only(WireVersion(6)), ours));
+    let theirs = WireVersions { highest: WireVersion(7), lowest: WireVersion(6) };
+    assert_eq!(decode(&message(Kind::Refuse, &[6, 0, 0, 7, 6, 5, 4])), refusal(theirs, ours));
     let unknown = decode(&message(Kind::Refuse, &[4, 0, 7]));
     assert!(matches!(unknown, Err(DecodeFault::Control { kind: Kind::Refuse, .. })), "{unknown:?}");
 }

@@ -2,16 +2,16 @@
 
 use trimaran_wire::{
     ChannelFormat, ChannelName, ChannelNumber, ChannelSizes, Explanation, Lane, ProtocolName, Refusal,
-    Rejection, SessionId, WireVersion,
+    Rejection, SessionId, WireVersions,
 };
 
 /// Refusals that are as long as they can be with these texts.
 pub(crate) fn refusals(text: &str) -> [Refusal; 8] {
-    let version = WireVersion::CURRENT;
+    let versions = WireVersions::SUPPORTED;
     let (session, lane) = (SessionId(u64::MAX), Lane::Frames);
     let (name, role) = (ProtocolName::new(text), Explanation::new(text));
     [
-        Refusal::Version { listener: version, connector: version },
+        Refusal::Version { listener: versions, connector: versions },
         Refusal::Protocol { listener: name.clone(), connector: name },
         Refusal::Rejected(Rejection::new(u16::MAX, text)),
         Refusal::Session { session, lane },

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
-    Accept, BatchSize, Channel, ChannelList, ChannelNumber, CloseReason, Decoder, Explanation, Fixed, Format,
+    Accept, BatchSize, Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason, Decoder, Explanation, Fixed, Format,
     FrameEnd, FrameMessage, FrameNumber, FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK,
-    MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial,
-    SessionId, WireVersion, to_bytes,
+    MAX_CHANNELS, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial,
+    SessionId, WireVersion, WireVersions, to_bytes,
 };
 
 use crate::examples::{check, hex};
@@ -16,6 +16,8 @@ use crate::refusals::refusals;
 use crate::robot::{Command, NotFinite, Pose, Robot, Time};
 
 const WIRE: &str = include_str!("../../WIRE.md");
+/// The bytes of the release before.
+const VERSION_4: &str = include_str!("../version-4.md");
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
     crate::examples::examples_of(WIRE)
@@ -27,13 +29,14 @@ fn hello(name: &str) -> Bytes {
 
 const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The messages that the examples spell out.
-fn messages() -> Vec<(&'static str, Message)> {
+/// The messages that the examples spell out, from peers of these versions.
+fn messages(versions: WireVersions) -> Vec<(&'static str, Message)> {
     let pose = to_bytes(&Pose { x: 1.0, y: 2.0, heading: -3.0 });
     let items = [1u32, 258].map(u32::to_le_bytes).concat();
     let frame = FrameNumber(9);
     let hash = xxhash_rust::xxh3::xxh3_64(&items);
     let introduced = Hello {
+        versions,
         protocol: ProtocolName::new(Robot::NAME),
         session: SessionId(5),
         lane: Lane::Latest,
@@ -57,9 +60,10 @@ fn messages() -> Vec<(&'static str, Message)> {
             FrameMessage::Coded([&100u32.to_le_bytes()[..], &50u16.to_le_bytes()].concat().into()),
         ),
     ];
+    let (version, idle_timeout) = (versions.highest, IDLE_TIMEOUT.into());
     let mut messages = vec![
         ("hello", Message::Hello(introduced)),
-        ("accept", Message::Accept(Accept { idle_timeout: IDLE_TIMEOUT.into(), application: hello("map") })),
+        ("accept", Message::Accept(Accept { version, idle_timeout, application: hello("map") })),
         ("refuse", Message::Refuse(Refusal::Rejected(Rejection::new(1, "full")))),
         ("close", Message::Close(CloseReason::new(3, "no power"))),
         ("keep-alive", Message::KeepAlive),
@@ -76,10 +80,66 @@ fn messages() -> Vec<(&'static str, Message)> {
 
 #[test]
 fn every_kind_of_message_has_an_example_that_is_what_is_written_and_reads_back() {
-    let kinds: Vec<Kind> = messages().iter().map(|(_, message)| message.kind()).collect();
-    assert_eq!(kinds, Kind::ALL);
+    let mut messages = messages(WireVersions::SUPPORTED);
+    messages.extend([("hello-4", of_version_4("hello")), ("accept-4", of_version_4("accept"))]);
+    for kind in Kind::ALL {
+        assert!(messages.iter().any(|(_, message)| message.kind() == kind), "no {kind}");
+    }
     let others = 2; // the empty frame, and another version's hello
-    check(&examples(), messages(), Format::of::<Robot>(), others);
+    check(&examples(), messages, Format::of::<Robot>(), others);
+}
+
+fn of_version_4(name: &str) -> Message {
+    let messages = messages(WireVersions::only(WireVersion(4)));
+    messages.into_iter().find(|(known, _)| *known == name).unwrap().1
+}
+
+/// What the release before wrote is read, and written to its peers, byte for byte.
+#[test]
+fn the_bytes_of_version_4_are_read_and_written() {
+    let kept = crate::examples::examples_of(VERSION_4);
+    let others = 1; // the empty frame
+    check(&kept, messages(WireVersions::only(WireVersion(4))), Format::of::<Robot>(), others);
+    let page = examples();
+    assert_eq!((&page["hello-4"], &page["accept-4"]), (&kept["hello"], &kept["accept"]));
+}
+
+/// A listener of version 4 answers so when its peer has another version.
+#[test]
+fn a_refusal_by_version_4_names_it_alone() {
+    let mut decoder = Decoder::new(Format::of::<Robot>());
+    decoder.push(&[0x03, 5, 0, 0, 4, 0, 0, 4, 5]);
+    let (listener, connector) = (WireVersions::only(WireVersion(4)), WireVersions::SUPPORTED);
+    let refused = decoder.next_message();
+    assert_eq!(refused, Ok(Some(Message::Refuse(Refusal::Version { listener, connector }))));
+}
+
+/// A listener of version 4 reads no longer hellos than it knows, and then it can say its version.
+#[test]
+fn the_longest_hello_is_one_that_version_4_reads() {
+    let most = MAX_FIXED as u16;
+    let channel = |_| ChannelFormat {
+        name: ChannelName::new(&"x".repeat(ChannelName::MAX_BYTES)),
+        sizes: ChannelSizes::Frames { header: most, item: most },
+    };
+    let hello = |lane, channels| Hello {
+        versions: WireVersions::SUPPORTED,
+        protocol: ProtocolName::new(&"x".repeat(ProtocolName::MAX_BYTES)),
+        session: SessionId(u64::MAX),
+        lane,
+        idle_timeout: Duration::MAX.into(),
+        channels,
+        application: Bytes::from(vec![7; MAX_HELLO]),
+    };
+    let length = |hello| {
+        let mut out = BytesMut::new();
+        Message::Hello(hello).encode(&mut out);
+        out.len() - HEADER_BYTES
+    };
+    assert_eq!(length(hello(Lane::Bulk, ChannelList::default())), 256);
+    let channels = (0..MAX_CHANNELS).map(channel).collect();
+    let last = Lane::Channel(ChannelNumber(MAX_CHANNELS as u8 - 1));
+    assert!(length(hello(last, channels)) <= 897);
 }
 
 #[test]
@@ -95,9 +155,10 @@ fn the_empty_frame_is_begin_and_end() {
 #[test]
 fn another_versions_hello_says_which() {
     let mut decoder = Decoder::new(Format::of::<Robot>());
-    decoder.push(&examples()["hello-5"]);
+    decoder.push(&examples()["hello-7"]);
     let error = decoder.next_message().unwrap_err().to_string();
-    assert!(error.contains("the peer speaks version 5 of the protocol, this one version 4"), "{error}");
+    let expected = "the peer speaks versions 6 to 7 of the protocol, this one versions 4 to 5";
+    assert!(error.contains(expected), "{error}");
 }
 
 /// The value of a length in the page: a sum of numbers, each of which may be multiplied by a letter that
