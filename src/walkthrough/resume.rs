@@ -141,13 +141,16 @@ impl Progress {
     }
 }
 
+/// The release since which pictures are drawn and recorded alike. A walk goes on in another release that names
+/// the same one, so a display can be upgraded during its walk. A change of pictures or records names its own.
+const DRAWN_SINCE: &str = "0.1.0";
+
 /// The settings that decide the pictures of a walk, so that one is not resumed with those of another.
 fn fingerprint(Walk { file, drawn, plan, path }: Walk<'_>) -> String {
     let info = drawn.gpu().info();
-    let release = env!("CARGO_PKG_VERSION");
     let mut hash = Xxh3::new();
     let (scene, views) = (file.scene.hash(), path.views());
-    hash.update(format!("{release} {scene} {} {} {plan:?} {views:?}", info.name, info.driver).as_bytes());
+    hash.update(format!("{DRAWN_SINCE} {scene} {} {} {plan:?} {views:?}", info.name, info.driver).as_bytes());
     for camera in path.all() {
         hash.update(&camera.to_bytes());
     }

@@ -74,12 +74,16 @@ impl Deployment {
     }
 
     pub(crate) fn start(&self, name: &str, more: &[&str]) -> Process {
+        self.start_by(env!("CARGO_BIN_EXE_trimaran"), name, more)
+    }
+
+    /// As [`start`](Self::start), by another program.
+    pub(crate) fn start_by(&self, program: &str, name: &str, more: &[&str]) -> Process {
         let culler = CULLERS.iter().position(|culler| *culler == name);
         let kind = if culler.is_some() { "culler" } else { "display" };
-        let program = env!("CARGO_BIN_EXE_trimaran");
         let mut command = match &self.places[culler.unwrap_or(2)].namespace {
             Some(namespace) => self.bench.command_of("ip", &["netns", "exec", namespace, program]),
-            None => self.bench.command(&[]),
+            None => self.bench.command_of(program, &[]),
         };
         command.args(["role", kind, "--config", &format!("{name}.toml")]);
         // A role that vanishes without a close is missed soon.
@@ -103,7 +107,13 @@ impl Deployment {
 
     /// How many frames of a walk in progress are on disk.
     pub(crate) fn shown(&self) -> usize {
-        let journal = fs::read_to_string(self.bench.path("walk/unfinished/walk.jsonl")).unwrap_or_default();
+        self.shown_in("walk")
+    }
+
+    /// The same of the walk in the folder `out`.
+    pub(crate) fn shown_in(&self, out: &str) -> usize {
+        let journal = self.bench.path(out).join("unfinished/walk.jsonl");
+        let journal = fs::read_to_string(journal).unwrap_or_default();
         journal.matches("\n{\"frame\":").count()
     }
 
@@ -128,14 +138,19 @@ impl Deployment {
     /// The report of a walk that is over, with all its checks: every frame is there once and in order, and
     /// those that were checked are exact.
     pub(crate) fn whole_report(&self) -> Value {
-        if self.bench.path("walk/unchecked.json").exists() {
-            self.bench.done(&["report", "walk"]);
-        }
+        self.complete("walk");
         let report = self.report_in_order();
         for frame in report["frames"].as_array().unwrap().iter().step_by(AUDIT_EVERY) {
             assert_eq!(frame["cut_mismatch_pixels"], 0, "{frame}");
         }
         report
+    }
+
+    /// Adds what the report in the folder `out` lacks.
+    pub(crate) fn complete(&self, out: &str) {
+        if self.bench.path(out).join("unchecked.json").exists() {
+            self.bench.done(&["report", out]);
+        }
     }
 
     fn report_in_order(&self) -> Value {

@@ -39,5 +39,6 @@ mod simulate_cli;
 #[cfg(target_os = "linux")]
 mod slurm;
 mod sources;
+mod two_versions;
 mod view;
 mod waiting;

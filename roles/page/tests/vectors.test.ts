@@ -17,7 +17,13 @@ import {
 } from "../src/proto/supply.ts";
 import { decodeViewState, type ViewState, viewStateOf } from "../src/proto/viewState.ts";
 import { FrameAssembler, loadHasher } from "../wire/src/frames.ts";
-import { decodeAccept, decodeHello, encodeAccept, encodeHello, type Hello } from "../wire/src/handshake.ts";
+import {
+  decodeHello,
+  decodeVersionedAccept,
+  encodeHello,
+  encodeVersionedAccept,
+  type Hello,
+} from "../wire/src/handshake.ts";
 import { Kind } from "../wire/src/messages.ts";
 import { formatOf } from "../wire/src/protocol.ts";
 import { type Check, closed, onlyMessage, refused, same, testPage } from "../wire/tests/examples.ts";
@@ -77,6 +83,7 @@ function introduced(lane: Hello["lane"], identity: Identity): Check {
     assert.deepEqual(
       { ...hello, introduction: decodeIdentity(hello.introduction) },
       {
+        versions: { highest: 5, lowest: 4 },
         application: TRIMARAN.name,
         session: 5n,
         lane,
@@ -104,10 +111,11 @@ testPage(PROTO, FORMAT, {
   hello: introduced("latest", DISPLAY),
   "hello-without-a-scene": introduced("bulk", { ...DISPLAY, scene: undefined }),
   accept: same(
-    Kind.accept,
+    Kind.versionedAccept,
     { role: "culler", scene: SCENE, session: undefined },
-    (payload) => decodeIdentity(decodeAccept(payload).introduction),
-    (identity) => encodeAccept({ idleTimeout: 20_000, introduction: encodeIdentity(identity) }),
+    (payload) => decodeIdentity(decodeVersionedAccept(payload).introduction),
+    (identity) =>
+      encodeVersionedAccept({ version: 5, idleTimeout: 20_000, introduction: encodeIdentity(identity) }),
   ),
   refuse: refused({
     reason: "not taken",

@@ -18,9 +18,16 @@ import {
   variant,
   whole,
 } from "./codec.ts";
-
-/** The version of the wire of links. Peers of different versions refuse each other. */
-export const WIRE_VERSION = 4;
+import {
+  CHOSEN,
+  LOWEST_WIRE_VERSION,
+  OFFERED,
+  onlyVersion,
+  SUPPORTED,
+  shownVersions,
+  VERSIONS,
+  versionInCommon,
+} from "./versions.ts";
 
 /** The close code of a connecting peer that rejects the listener. */
 export const CODE_NOT_TAKEN = 65_535;
@@ -67,8 +74,10 @@ const CHANNEL = record({
 /** A channel of a peer: its name, and the sizes of its data. */
 export type ChannelFormat = Of<typeof CHANNEL>;
 
-/** The first message of each connection begins so, behind the magic number and the version. */
+/** The first message of each connection begins so, behind the magic number. */
 const OPENING = {
+  /** The versions of the wire that the connecting peer speaks. */
+  versions: OFFERED,
   /** The name of the application's protocol, with its version. */
   application: NAME,
   /** The random number that the connections of a link share. */
@@ -91,21 +100,24 @@ const CHANNELS_HELLO = record({
 
 export type ChannelsHello = Of<typeof CHANNELS_HELLO>;
 
-/** The answer to a hello. */
-const ACCEPT = record({
+const ANSWER = {
   /** As in the hello. The shorter one holds for both sides. */
   idleTimeout: u32,
   /** The listener's own hello. */
   introduction: rest,
-});
+};
 
-export type Accept = Of<typeof ACCEPT>;
+/** The answer to a hello of version 4. */
+export const { encode: encodeAccept, decode: decodeAccept } = whole(record(ANSWER));
 
-export const { encode: encodeAccept, decode: decodeAccept } = whole(ACCEPT);
+/** The answer to a hello, with the version of the link. */
+export const { encode: encodeVersionedAccept, decode: decodeVersionedAccept } = whole(
+  record({ version: CHOSEN, ...ANSWER }),
+);
 
 /** Why a hello was refused, with both sides' values; in the order of their numbers. */
 const REFUSAL = tagged("reason", {
-  versions: { listener: u16, connector: u16 },
+  versions: { listener: VERSIONS, connector: VERSIONS },
   applications: { listener: NAME, connector: NAME },
   "not taken": { code: u16, text: text(400) },
   lane: { session: u64, lane: LANE },
@@ -128,12 +140,12 @@ export const { encode: encodeClose, decode: decodeClose } = whole(CLOSE);
 export const encodeHello = (hello: Hello) => encodeOpening(HELLO, hello);
 export const encodeChannelsHello = (hello: ChannelsHello) => encodeOpening(CHANNELS_HELLO, hello);
 
-/** Reads the payload of a hello. Of another version only the version is read. */
+/** Reads the payload of a hello. Of other versions only these are read. */
 export const decodeHello = (payload: Uint8Array) => decodeOpening(HELLO, payload);
 export const decodeChannelsHello = (payload: Uint8Array) => decodeOpening(CHANNELS_HELLO, payload);
 
 function encodeOpening<T>(codec: Codec<T>, hello: T): Uint8Array<ArrayBuffer> {
-  const writer = new Writer().bytes(MAGIC).u16(WIRE_VERSION);
+  const writer = new Writer().bytes(MAGIC);
   codec.write(writer, hello);
   return writer.take();
 }
@@ -143,30 +155,34 @@ function decodeOpening<T>(codec: Codec<T>, payload: Uint8Array): T {
   if (!reader.bytes(MAGIC.length).every((byte, at) => byte === MAGIC[at])) {
     throw new WireError("the hello does not start with the magic number: this is not a Trimaran peer");
   }
-  const version = reader.u16();
-  if (version !== WIRE_VERSION) {
-    throw new WireError(`the peer speaks version ${version} of the wire, this one version ${WIRE_VERSION}`);
-  }
   return codec.read(reader);
 }
 
-/** The payload of a refuse of this version. */
+/** The payload of a refuse. It has the layout of the listener's lowest version. */
 export function encodeRefuse(refusal: Refusal): Uint8Array<ArrayBuffer> {
-  const writer = new Writer().u16(WIRE_VERSION);
+  const writer = new Writer().u16(LOWEST_WIRE_VERSION);
   REFUSAL.write(writer, refusal);
   return writer.take();
 }
 
-/** Reads the payload of a refuse. If the versions differ, that is the reason, and nothing else is read. */
+/** Reads the payload of a refuse. Of another layout only the versions are read. */
 export function decodeRefuse(payload: Uint8Array): Refusal {
   const reader = new Reader(payload);
-  const listener = reader.u16();
-  if (listener !== WIRE_VERSION) {
-    return { reason: "versions", listener, connector: WIRE_VERSION };
+  const layout = onlyVersion(reader.u16());
+  const isKnown = versionInCommon(SUPPORTED, layout) !== undefined;
+  try {
+    const refusal = REFUSAL.read(reader);
+    reader.end();
+    if (isKnown || refusal.reason === "versions") {
+      return refusal;
+    }
+  } catch (error) {
+    // Version 4 names one version of each side.
+    if (!(error instanceof WireError) || (isKnown && payload[2] !== 0)) {
+      throw error;
+    }
   }
-  const refusal = REFUSAL.read(reader);
-  reader.end();
-  return refusal;
+  return { reason: "versions", listener: layout, connector: SUPPORTED };
 }
 
 /** Why a peer was refused, for people. */
@@ -174,8 +190,8 @@ export function describeRefusal(refusal: Refusal): string {
   const release = "install the same release on both";
   switch (refusal.reason) {
     case "versions":
-      return `the listener speaks version ${refusal.listener} of the wire, this side version \
-${refusal.connector}: ${release}`;
+      return `the listener speaks ${shownVersions(refusal.listener)} of the wire, this side \
+${shownVersions(refusal.connector)}: ${release}`;
     case "applications":
       return `the listener speaks ${shownText(refusal.listener)}, this side \
 ${shownText(refusal.connector)}: ${release}`;

@@ -46,7 +46,7 @@ export {
 } from "./fixed.ts";
 export type { NewFrame } from "./frameSender.ts";
 export type { BatchDecoder, Frame } from "./frames.ts";
-export { type Close, type LaneId, type LaneName, perLane, type Refusal, WIRE_VERSION } from "./handshake.ts";
+export { type Close, type LaneId, type LaneName, perLane, type Refusal } from "./handshake.ts";
 export type { Receiver } from "./inbox.ts";
 export { type Items, itemsOf, typedItems } from "./items.ts";
 export type { Clock, Connection } from "./lane.ts";
@@ -54,5 +54,6 @@ export type { FramesLane, LatestLane, MessagesLane } from "./lanes.ts";
 export type { Bytes, Link, LinkOf } from "./link.ts";
 export { MOST_BLOCK, MOST_ITEMS, MOST_MESSAGE } from "./messages.ts";
 export { defineProtocol, type Protocol } from "./protocol.ts";
+export { LOWEST_WIRE_VERSION, type Versions, WIRE_VERSION } from "./versions.ts";
 export type { Waiting } from "./waiter.ts";
 export type { Socket } from "./websocket.ts";

@@ -6,6 +6,7 @@ import {
   type ChannelFormat,
   decodeAccept,
   decodeRefuse,
+  decodeVersionedAccept,
   describeRefusal,
   encodeChannelsHello,
   encodeHello,
@@ -17,12 +18,14 @@ import {
 } from "./handshake.ts";
 import { type Connection, IDLE_TIMEOUT, Lane, type LaneOptions } from "./lane.ts";
 import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
+import { onlyVersion, SUPPORTED, versionInCommon } from "./versions.ts";
 import { Waiter, type Waiting } from "./waiter.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
 
 /** A hello but for what each lane says alike or by itself. */
-type Introduction = Omit<Hello, "lane" | "idleTimeout"> & { readonly channels: readonly ChannelFormat[] };
+type Opening = Omit<Hello, "lane" | "idleTimeout"> & { readonly channels: readonly ChannelFormat[] };
+type Introduction = Omit<Opening, "versions">;
 
 /** The sizes of a protocol's data, and those of its channels. */
 export interface Formats {
@@ -46,6 +49,26 @@ export interface Meeting {
 export async function meet(
   open: (lane: LaneId) => Promise<Connection>,
   hello: Introduction,
+  formats: Formats,
+  options: Omit<LaneOptions, "format"> & Waiting,
+): Promise<Meeting> {
+  const meetAs = (versions: Hello["versions"]) => meetOnce(open, { ...hello, versions }, formats, options);
+  try {
+    return await meetAs(SUPPORTED);
+  } catch (error) {
+    const refusal = error instanceof LinkError ? error.refusal : undefined;
+    const earlier = refusal?.reason === "versions" ? versionInCommon(SUPPORTED, refusal.listener) : undefined;
+    if (earlier === undefined) {
+      throw error;
+    }
+    // A listener of version 4 refuses a hello with a range.
+    return meetAs(onlyVersion(earlier));
+  }
+}
+
+async function meetOnce(
+  open: (lane: LaneId) => Promise<Connection>,
+  hello: Opening,
   formats: Formats,
   options: Omit<LaneOptions, "format"> & Waiting,
 ): Promise<Meeting> {
@@ -96,13 +119,14 @@ interface Met {
 type AllMet = [Met, Met, Met, Met, ...Met[]];
 
 /** Sends a hello on a lane and waits for the answer. */
-function greet(lane: Lane, id: LaneId, { channels, ...hello }: Introduction): Promise<Met> {
+function greet(lane: Lane, id: LaneId, { channels, ...hello }: Opening): Promise<Met> {
   return new Promise((resolve, reject) => {
     lane.onEnd = (end) => reject(errorOfEnd(end));
     lane.listen(({ kind, payload }: Message) => {
-      if (kind === Kind.accept) {
+      if (kind === Kind.accept || kind === Kind.versionedAccept) {
         lane.listen(undefined);
-        const { idleTimeout, introduction } = decodeAccept(payload);
+        const decode = kind === Kind.accept ? decodeAccept : decodeVersionedAccept;
+        const { idleTimeout, introduction } = decode(payload);
         lane.agree(idleTimeout);
         resolve({ lane, listener: introduction });
       } else if (kind === Kind.refuse) {

@@ -14,6 +14,7 @@ export const Kind = {
   close: 0x04,
   keepAlive: 0x05,
   channelsHello: 0x06,
+  versionedAccept: 0x07,
   latestValue: 0x10,
   numberedValue: 0x11,
   begin: 0x20,
@@ -163,12 +164,13 @@ export class MessageStream {
 
 /** By kind: its name, and the least and the most bytes of its payload. */
 const KINDS: Readonly<Record<Kind, { name: string; lengths: (format: Format) => [number, number] }>> = {
-  [Kind.hello]: { name: "hello", lengths: () => [2, MOST_INTRODUCTION + 56] },
+  [Kind.hello]: { name: "hello", lengths: () => [2, MOST_INTRODUCTION + 58] },
   [Kind.accept]: { name: "accept", lengths: () => [1, MOST_INTRODUCTION + 5] },
   [Kind.refuse]: { name: "refuse", lengths: () => [2, 512] },
   [Kind.close]: { name: "close", lengths: () => [1, 256] },
   [Kind.keepAlive]: { name: "keep-alive", lengths: () => [0, 0] },
-  [Kind.channelsHello]: { name: "hello with channels", lengths: () => [2, MOST_INTRODUCTION + 697] },
+  [Kind.channelsHello]: { name: "hello with channels", lengths: () => [2, MOST_INTRODUCTION + 699] },
+  [Kind.versionedAccept]: { name: "accept with version", lengths: () => [3, MOST_INTRODUCTION + 7] },
   [Kind.latestValue]: { name: "latest value", lengths: ({ latest }) => [latest, latest] },
   [Kind.numberedValue]: { name: "numbered value", lengths: ({ latest }) => [4 + latest, 4 + latest] },
   [Kind.begin]: { name: "begin", lengths: ({ header }) => [4 + header, 4 + header] },

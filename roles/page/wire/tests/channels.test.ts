@@ -83,6 +83,7 @@ test("each lane and channel says hello with all channels, and all must be accept
     const [hello, ...more] = rover.heard(lane);
     assert(hello?.kind === Kind.channelsHello && more.length === 0);
     assert.deepEqual(decodeChannelsHello(hello.payload), {
+      versions: { highest: 5, lowest: 4 },
       application: "rover/1",
       session: 5n,
       lane,
@@ -92,7 +93,7 @@ test("each lane and channel says hello with all channels, and all must be accept
     });
     await settled();
     assert.equal(isThere, false, `before ${lane}`);
-    rover.say(lane, Kind.accept, acceptOf(THEM));
+    rover.say(lane, Kind.versionedAccept, acceptOf(THEM));
   }
   assert.deepEqual((await link).peer, THEM);
 });

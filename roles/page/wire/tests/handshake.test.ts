@@ -15,7 +15,7 @@ import {
 } from "../src/handshake.ts";
 import { Kind } from "../src/messages.ts";
 import { acceptOf, encodeCommand, encodeHelloOf, opened, Robot, THEM, US } from "./robot.ts";
-import { FakeConnection, settled } from "./support.ts";
+import { FakeConnection, fromHex, settled, toHex } from "./support.ts";
 
 const errorOf = (promise: Promise<unknown>): Promise<unknown> =>
   promise.then(
@@ -31,6 +31,7 @@ test("each lane says hello with the same session, and the link is there once all
     const [hello, ...more] = robot.heard(lane);
     assert(hello !== undefined && more.length === 0);
     const expected = {
+      versions: { highest: 5, lowest: 4 },
       application: "robot/1",
       session: 5n,
       lane,
@@ -46,19 +47,50 @@ test("each lane says hello with the same session, and the link is there once all
   for (const lane of LANES) {
     await settled();
     assert.equal(isThere, false, `before the ${lane} lane`);
-    robot.say(lane, Kind.accept, acceptOf(THEM));
+    robot.say(lane, Kind.versionedAccept, acceptOf(THEM));
   }
   assert.deepEqual((await link).peer, THEM);
+});
+
+test("a listener of version 4 is met once more, with its own hello", async () => {
+  const robot = new Robot();
+  const link = robot.connect();
+  await opened(robot);
+  const first = [...robot.connections.values()];
+  robot.say("frames", Kind.refuse, fromHex("04 00 00 04 05"));
+  while (robot.connections.size < LANES.length || first.includes(robot.connection("bulk"))) {
+    await settled();
+  }
+  await settled();
+  assert(first.every(({ isClosed }) => isClosed));
+  for (const lane of LANES) {
+    const [hello] = robot.heard(lane);
+    assert(hello !== undefined);
+    assert.deepEqual(decodeHello(hello.payload).versions, { highest: 4, lowest: 4 });
+    assert.equal(toHex(hello.payload.subarray(4, 15)), "04 00 07 72 6f 62 6f 74 2f 31 05");
+    robot.say(lane, Kind.accept, encodeAccept({ idleTimeout: 20_000, introduction: encodeHelloOf(THEM) }));
+  }
+  assert.deepEqual((await link).peer, THEM);
+});
+
+test("without a version in common there is one attempt, and both ranges are named", async () => {
+  const robot = new Robot();
+  const link = robot.connect();
+  await opened(robot);
+  robot.say("frames", Kind.refuse, fromHex("06 00 00 07 06 05 04"));
+  const error = await errorOf(link);
+  assert(error instanceof LinkError);
+  assert.match(error.message, /the listener speaks versions 6 to 7 of the wire, this side versions 4 to 5/);
 });
 
 test("what comes before the other lanes are accepted is not lost", async () => {
   const robot = new Robot();
   const connecting = robot.connect();
   await opened(robot);
-  robot.say("messages", Kind.accept, acceptOf(THEM));
+  robot.say("messages", Kind.versionedAccept, acceptOf(THEM));
   robot.say("messages", Kind.message, encodeCommand({ command: "Stop" }));
   for (const lane of LANES.filter((lane) => lane !== "messages")) {
-    robot.say(lane, Kind.accept, acceptOf(THEM));
+    robot.say(lane, Kind.versionedAccept, acceptOf(THEM));
   }
   assert.deepEqual(await (await connecting).messages.receive(), { command: "Stop" });
 });
@@ -68,7 +100,7 @@ test("a refusal says why, and all lanes are given up", async () => {
   const link = robot.connect();
   await opened(robot);
   const refusal: Refusal = { reason: "busy" };
-  robot.say("latest", Kind.accept, acceptOf(THEM));
+  robot.say("latest", Kind.versionedAccept, acceptOf(THEM));
   robot.say("bulk", Kind.refuse, encodeRefuse(refusal));
   const error = await errorOf(link);
   assert(error instanceof LinkError);
@@ -85,7 +117,7 @@ test("a listener that does not answer, answers otherwise, or is gone makes no li
       "violation",
       (robot) => {
         for (const lane of LANES) {
-          robot.say(lane, Kind.accept, acceptOf(lane === "bulk" ? US : THEM));
+          robot.say(lane, Kind.versionedAccept, acceptOf(lane === "bulk" ? US : THEM));
         }
       },
       /call themselves differently/,

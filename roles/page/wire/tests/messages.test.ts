@@ -67,12 +67,13 @@ test("a payload stays what it was when more is pushed", () => {
 
 test("the lengths of each kind are those of the page, to the byte", () => {
   const lengths: [Kind, number, number][] = [
-    [Kind.hello, 2, 256],
+    [Kind.hello, 2, 258],
     [Kind.accept, 1, 205],
     [Kind.refuse, 2, 512],
     [Kind.close, 1, 256],
     [Kind.keepAlive, 0, 0],
-    [Kind.channelsHello, 2, 897],
+    [Kind.channelsHello, 2, 899],
+    [Kind.versionedAccept, 3, 207],
     [Kind.latestValue, 72, 72],
     [Kind.numberedValue, 76, 76],
     [Kind.begin, 76, 76],
@@ -126,7 +127,7 @@ test("a length that is claimed sets no memory aside", () => {
 
 test("each reason of a refusal reads back", () => {
   const refusals: Refusal[] = [
-    { reason: "versions", listener: 3, connector: 4 },
+    { reason: "versions", listener: { highest: 7, lowest: 6 }, connector: { highest: 5, lowest: 4 } },
     { reason: "applications", listener: "robot/1", connector: "trimaran/4" },
     { reason: "not taken", code: 3, text: "x".repeat(400) },
     { reason: "lane", session: (1n << 64n) - 1n, lane: "bulk" },
@@ -147,12 +148,20 @@ test("each reason of a refusal reads back", () => {
     assert(describeRefusal(refusal).length > 5);
     assert.throws(() => decodeRefuse(concat(payload, new Uint8Array(1))), new WireError("1 bytes too many"));
   }
-  assert.deepEqual(decodeRefuse(fromHex("05 00 ff ff")), { reason: "versions", listener: 5, connector: 4 });
+  const connector = { highest: 5, lowest: 4 };
+  for (const [bytes, version] of [
+    ["06 00 ff ff", 6],
+    ["04 00 00 04 05", 4],
+  ] as const) {
+    const listener = { highest: version, lowest: version };
+    assert.deepEqual(decodeRefuse(fromHex(bytes)), { reason: "versions", listener, connector });
+  }
   assert.throws(() => decodeRefuse(fromHex("04 00 07")), WireError);
 });
 
 test("what is no hello or close is refused, and texts are cut", () => {
   const hello = {
+    versions: { highest: 5, lowest: 4 },
     application: "trimaran/4",
     session: 1n,
     lane: "bulk",

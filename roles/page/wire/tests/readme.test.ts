@@ -48,7 +48,7 @@ server.on("connection", (socket) => {
 function acceptAll(): void {
   if (lanes.size === LANES.length) {
     for (const say of lanes.values()) {
-      say(Kind.accept, acceptOf(THEM));
+      say(Kind.versionedAccept, acceptOf(THEM));
     }
   }
 }

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { type Of, record, tagged, text, u32, whole } from "../src/codec.ts";
 import { type ConnectOptions, connect } from "../src/connect.ts";
 import { struct } from "../src/fixed.ts";
-import { encodeAccept, LANES, type LaneId } from "../src/handshake.ts";
+import { encodeVersionedAccept, LANES, type LaneId } from "../src/handshake.ts";
 import { itemsOf } from "../src/items.ts";
 import { encodeMessage, type Format, Kind, type Message, MessageStream } from "../src/messages.ts";
 import { defineProtocol, formatOf } from "../src/protocol.ts";
@@ -29,9 +29,9 @@ export const { encode: encodeHelloOf } = whole(ROBOT.hello);
 export const { encode: encodeCommand } = whole(ROBOT.message);
 export const { encode: encodePoint } = whole(POINT);
 
-/** The payload of an accept. */
+/** The payload of an accept with version 5. */
 export const acceptOf = (hello: Hello, idleTimeout = 20_000) =>
-  encodeAccept({ idleTimeout, introduction: encodeHelloOf(hello) });
+  encodeVersionedAccept({ version: 5, idleTimeout, introduction: encodeHelloOf(hello) });
 
 const NOTHING = new Uint8Array(0);
 const FORMAT = formatOf(ROBOT);
@@ -82,7 +82,7 @@ export class Robot {
   accept(idleTimeout?: number): void {
     for (const lane of this.connections.keys()) {
       this.heard(lane);
-      this.say(lane, Kind.accept, acceptOf(THEM, idleTimeout));
+      this.say(lane, Kind.versionedAccept, acceptOf(THEM, idleTimeout));
     }
   }
 

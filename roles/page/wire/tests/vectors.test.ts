@@ -11,9 +11,11 @@ import {
   decodeAccept,
   decodeChannelsHello,
   decodeHello,
+  decodeVersionedAccept,
   encodeAccept,
   encodeChannelsHello,
   encodeHello,
+  encodeVersionedAccept,
   type Hello,
 } from "../src/handshake.ts";
 import { typedItems } from "../src/items.ts";
@@ -83,25 +85,35 @@ const pose = whole(POSE);
 const numbered = whole(record({ number: number("u32"), pose: POSE }));
 const message = whole(PROTOCOL.message);
 
+const INTRODUCED = {
+  versions: { highest: 5, lowest: 4 },
+  application: "robot/1",
+  session: 5n,
+  lane: "latest",
+  idleTimeout: 20_000,
+  introduction: NAME.encode("arm"),
+} as const;
+
 testPage(ROBOT, FORMAT, {
-  hello: greeted({
-    application: "robot/1",
-    session: 5n,
-    lane: "latest",
-    idleTimeout: 20_000,
-    introduction: NAME.encode("arm"),
-  }),
-  "hello-5": {
+  hello: greeted(INTRODUCED),
+  "hello-4": greeted({ ...INTRODUCED, versions: { highest: 4, lowest: 4 } }),
+  "hello-7": {
     kind: Kind.hello,
     check(payload) {
       assert.throws(
         () => decodeHello(payload),
-        new WireError("the peer speaks version 5 of the wire, this one version 4"),
+        new WireError("the peer speaks versions 6 to 7 of the wire, this one versions 4 to 5"),
       );
       return undefined;
     },
   },
   accept: same(
+    Kind.versionedAccept,
+    { version: 5, idleTimeout: 20_000, introduction: NAME.encode("map") },
+    decodeVersionedAccept,
+    encodeVersionedAccept,
+  ),
+  "accept-4": same(
     Kind.accept,
     { idleTimeout: 20_000, introduction: NAME.encode("map") },
     decodeAccept,
@@ -112,14 +124,7 @@ testPage(ROBOT, FORMAT, {
   "keep-alive": same(Kind.keepAlive, new Uint8Array(0), asIs, asIs),
   "hello-channels": same(
     Kind.channelsHello,
-    {
-      application: "robot/1",
-      session: 5n,
-      lane: 1,
-      idleTimeout: 20_000,
-      channels: describeChannels(PROTOCOL.channels),
-      introduction: NAME.encode("arm"),
-    },
+    { ...INTRODUCED, lane: 1, channels: describeChannels(PROTOCOL.channels) },
     decodeChannelsHello,
     encodeChannelsHello,
   ),
