@@ -121,7 +121,7 @@ fn each_mistake_in_a_deployment_is_named_in_one_line() {
         (
             relay(&another_release(), &own, "hall.key"),
             later,
-            &["peer", "version 5", "install the same release"],
+            &["peer", "version 6", "install the same release"],
         ),
         // A name without an address.
         (

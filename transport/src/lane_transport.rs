@@ -4,9 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Instant, Net};
-use trimaran_wire::{
-    Accept, DecodeError, DecodeFault, Format, Hello, Lane, SessionId, WireVersions,
-};
+use trimaran_wire::{Accept, DecodeError, DecodeFault, Format, Hello, Lane, SessionId, WireVersions};
 
 use crate::acceptor::Acceptor;
 use crate::application::Application;

@@ -292,8 +292,12 @@ fn the_handshake_of_version_4_is_read() {
     let kept = crate::examples::examples_of(include_str!("../../../transport/wire/tests/version-4.md"));
     let packets = [(0, kept["hello"].clone()), (1, kept["accept"].clone()), (1, kept["refuse"].clone())];
     let fields = [
-        "trimaran.kind", "trimaran.version", "trimaran.version.lowest", "trimaran.protocol",
-        "trimaran.idle_timeout", "trimaran.application",
+        "trimaran.kind",
+        "trimaran.version",
+        "trimaran.version.lowest",
+        "trimaran.protocol",
+        "trimaran.idle_timeout",
+        "trimaran.application",
     ];
     let Some(shown) = read(&packets, &fields) else { return };
     assert_eq!(shown[..2], ["0x01|4||robot/1|20000|0361726d", "0x02||||20000|036d6170"]);

@@ -268,8 +268,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
     };
     drop(slot);
     let Guest { hello, reliable, counters, .. } = guest;
-    let entered =
-        confirmed.and_then(|()| acceptor.enter(&hello).map_err(HandshakeError::Refused));
+    let entered = confirmed.and_then(|()| acceptor.enter(&hello).map_err(HandshakeError::Refused));
     let (peer, place) = match entered {
         Ok(entered) => entered,
         Err(error) => {

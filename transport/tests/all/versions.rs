@@ -49,8 +49,10 @@ async fn both_take_the_highest_version_in_common(endpoint: &str) {
         let Meeting { mut listener, at, panel, .. } =
             Meeting::at(endpoint, &speaking(&Options::default(), listens)).await;
         let (net, panel) = (net(), speaking(&panel, connects));
-        let links =
-            tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)));
+        let links = tokio::join!(
+            connect(&net, &at, greeting(PANEL), &panel, soon(&net)),
+            listener.accept(soon(&net))
+        );
         let (mut there, mut here) = (links.0.unwrap(), links.1.unwrap());
         assert_eq!((there.peer.version, here.peer.version), (version, version), "{listens} and {connects}");
         talk(&mut there, &mut here).await;

@@ -30,9 +30,7 @@ pub enum DecodeFault {
     #[error("the hello does not start with the magic number: this is not a Trimaran peer")]
     NotTrimaran,
     /// A hello or an accept of other versions.
-    #[error(
-        "the peer speaks {theirs} of the protocol, this one {ours}: install the same release on both"
-    )]
+    #[error("the peer speaks {theirs} of the protocol, this one {ours}: install the same release on both")]
     Version {
         /// The versions of this side.
         ours: WireVersions,

@@ -77,7 +77,11 @@ impl Default for WireVersions {
 impl fmt::Display for WireVersions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { highest, lowest } = self;
-        if lowest == highest { write!(f, "version {highest}") } else { write!(f, "versions {lowest} to {highest}") }
+        if lowest == highest {
+            write!(f, "version {highest}")
+        } else {
+            write!(f, "versions {lowest} to {highest}")
+        }
     }
 }
 

@@ -173,6 +173,18 @@ fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
     }
 }
 
+/// The release of format 8 wrote this file. A release with a later format reads it as well, as its cullers may
+/// stand beside those of the release before.
+#[test]
+fn a_scene_of_format_8_is_read() {
+    let scene = Scene::open_bytes(Path::new("instances"), include_bytes!("../format-8/instances")).unwrap();
+    scene.check().unwrap();
+    assert_eq!(scene.hash().to_string(), "c5e94c9a7f25485908a07b651e094cb7");
+    let counts = (scene.nodes().len(), scene.drawables().len(), scene.objects().len());
+    assert_eq!((counts, scene.totals().stored_triangles), ((29, 20, 20), 26));
+    assert_eq!((scene.object_name(0), scene.source_name(0)), (Some("part 0"), Some("site.obj")));
+}
+
 #[test]
 #[ignore = "writes the files"]
 fn the_scenes_of_the_corpus_are_written() {

@@ -12,8 +12,8 @@ use trimaran_wire::{
     Accept, BatchSize, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason,
     Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd, FrameMessage, FrameNumber,
     FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, IdleTimeout, Lane, MAX_BLOCK, MAX_CHANNELS,
-    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
-    WireVersions,
+    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
+    WireVersion, WireVersions,
 };
 
 use crate::refusals::{longest_channel, refusals};
@@ -57,8 +57,10 @@ fn idle_timeout() -> impl Strategy<Value = IdleTimeout> {
 
 /// Those of this release, of the one before, and of the next one.
 fn versions() -> impl Strategy<Value = WireVersions> {
-    prop::sample::select(vec![(5, 4), (4, 4), (6, 5)])
-        .prop_map(|(highest, lowest)| WireVersions { highest: WireVersion(highest), lowest: WireVersion(lowest) })
+    prop::sample::select(vec![(5, 4), (4, 4), (6, 5)]).prop_map(|(highest, lowest)| WireVersions {
+        highest: WireVersion(highest),
+        lowest: WireVersion(lowest),
+    })
 }
 
 fn hello() -> impl Strategy<Value = Message> {

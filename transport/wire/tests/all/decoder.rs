@@ -1,6 +1,8 @@
 //! A decoder's errors for bytes that are not this protocol.
 
-use trimaran_wire::{BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion, WireVersions};
+use trimaran_wire::{
+    BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion, WireVersions,
+};
 
 const FORMAT: Format = Format { latest: 12, header: 8, item: 4, count_coded: |_| None, channels: &[] };
 

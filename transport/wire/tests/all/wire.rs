@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
-    Accept, BatchSize, Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason, Decoder, Explanation, Fixed, Format,
-    FrameEnd, FrameMessage, FrameNumber, FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK,
-    MAX_CHANNELS, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial,
-    SessionId, WireVersion, WireVersions, to_bytes,
+    Accept, BatchSize, Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes,
+    CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber, FrameWriter,
+    HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_CHANNELS, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
+    Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
+    WireVersions, to_bytes,
 };
 
 use crate::examples::{check, hex};
