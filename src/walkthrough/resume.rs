@@ -141,8 +141,8 @@ impl Progress {
     }
 }
 
-/// The release since which pictures are drawn and recorded alike. A walk goes on in another release that names
-/// the same one, so a display can be upgraded during its walk. A change of pictures or records names its own.
+/// The release since which pictures are drawn and recorded alike. A walk goes on in another release that
+/// names the same one, so a display can be upgraded during its walk. A change of either names its own.
 const DRAWN_SINCE: &str = "0.1.0";
 
 /// The settings that decide the pictures of a walk, so that one is not resumed with those of another.

@@ -1,5 +1,5 @@
-//! The release before, beside this one: the machines of a walk are upgraded one after the other, and put back.
-//! Each frame is there once, and its picture is that of a walk in one process.
+//! The release before, beside this one: the machines of a walk are upgraded one after the other, and put
+//! back. Each frame is there once, and its picture is that of a walk in one process.
 
 use std::{env, fs, path::Path};
 

@@ -209,8 +209,8 @@ pub(crate) trait Handshake: Send {
         }
     }
 
-    /// Reads the hello of the connecting peer. A peer without a version in common is refused here, because its
-    /// hello cannot be read further.
+    /// Reads the hello of the connecting peer. A peer without a version in common is refused here, because
+    /// its hello cannot be read further.
     fn recv_hello(&mut self) -> impl Future<Output = Result<Hello, HandshakeError>> + Send {
         async {
             match self.recv().await {

@@ -286,7 +286,7 @@ fn each_refusal_is_read_with_its_values() {
     assert_eq!(shown, ["65535||Trimaran: close: the listener is not taken"]);
 }
 
-/// What the release before wrote.
+/// As the release before wrote it.
 #[test]
 fn the_handshake_of_version_4_is_read() {
     let kept = crate::examples::examples_of(include_str!("../../../transport/wire/tests/version-4.md"));

@@ -72,7 +72,7 @@ async fn without_a_version_in_common_both_ranges_are_named(endpoint: &str) {
     assert!(said.contains("the connecting peer versions 6 to 7: install the same release"), "{said}");
 }
 
-/// What peers of version 4 said: an arm that listens, and a panel that connects as session 7.
+/// The bytes of peers of version 4: an arm that listens, and a panel that connects as session 7.
 fn kept(name: &str) -> Vec<u8> {
     crate::examples::examples_of(include_str!("../version-4.md"))[name].clone()
 }
@@ -84,7 +84,7 @@ const LANES: [(Lane, &str); 4] = [
     (Lane::Bulk, "hello-bulk"),
 ];
 
-/// What each side says on a lane behind the handshake.
+/// Those of each side on a lane, behind the handshake.
 fn kept_of(lane: Lane) -> Vec<u8> {
     kept(match lane {
         Lane::Frames => "frames",
@@ -94,7 +94,7 @@ fn kept_of(lane: Lane) -> Vec<u8> {
     })
 }
 
-async fn hears_what_was_kept(link: &mut Link) {
+async fn hears_the_kept_messages(link: &mut Link) {
     assert_eq!(link.peer.version, WireVersion(4));
     assert_eq!(link.latest_rx.latest().await.unwrap(), pose(3));
     assert_eq!(receive(&mut link.frames_rx).await.unwrap().points, [1, 258]);
@@ -124,7 +124,7 @@ async fn a_panel_of_version_4_is_answered_as_it_was_then() {
         stream.read_exact(&mut answer).await.unwrap();
         assert_eq!(answer, accept);
     }
-    hears_what_was_kept(&mut link).await;
+    hears_the_kept_messages(&mut link).await;
 }
 
 /// Reads the one message that a connecting peer says first.
@@ -167,5 +167,5 @@ async fn an_arm_of_version_4_hears_a_hello_as_it_was_then() {
     };
     let options = Options::default();
     let (link, _streams) = tokio::join!(connect(&net, &at, greeting(PANEL), &options, soon(&net)), arm);
-    hears_what_was_kept(&mut link.unwrap()).await;
+    hears_the_kept_messages(&mut link.unwrap()).await;
 }

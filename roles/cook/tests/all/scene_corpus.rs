@@ -173,8 +173,8 @@ fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
     }
 }
 
-/// The release of format 8 wrote this file. A release with a later format reads it as well, as its cullers may
-/// stand beside those of the release before.
+/// The release of format 8 wrote this file. A release with a later format reads it as well, as its cullers
+/// may stand beside those of the release before.
 #[test]
 fn a_scene_of_format_8_is_read() {
     let scene = Scene::open_bytes(Path::new("instances"), include_bytes!("../format-8/instances")).unwrap();

@@ -111,6 +111,10 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     assert_eq!(refused, refusal(Lane::Frames));
     let other_role = introduce(&greeting(GRIPPER), SESSION, Lane::Latest);
     assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
+    let Message::Hello(mut other_version) = hello(Lane::Latest) else { panic!("no hello") };
+    other_version.versions = WireVersions::only(WireVersion::LOWEST);
+    let other_version = Message::Hello(other_version);
+    assert_eq!(answers(&mut dial(address, &other_version).await).await, refusal(Lane::Latest));
     let mut latest = dial(address, &hello(Lane::Latest)).await;
     let mut messages = dial(address, &hello(Lane::Messages)).await;
     let mut bulk = dial(address, &hello(Lane::Bulk)).await;

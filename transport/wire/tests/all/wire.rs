@@ -95,7 +95,7 @@ fn of_version_4(name: &str) -> Message {
     messages.into_iter().find(|(known, _)| *known == name).unwrap().1
 }
 
-/// What the release before wrote is read, and written to its peers, byte for byte.
+/// The messages of the release before are read, and written to its peers, byte for byte.
 #[test]
 fn the_bytes_of_version_4_are_read_and_written() {
     let kept = crate::examples::examples_of(VERSION_4);
