@@ -55,7 +55,7 @@ impl Message {
         match self {
             Self::Hello(hello) if !hello.channels.is_empty() => Kind::ChannelsHello,
             Self::Hello(_) => Kind::Hello,
-            Self::Accept(accept) if accept.version > WireVersion::WITHOUT_RANGE => Kind::VersionedAccept,
+            Self::Accept(accept) if accept.version.has_range() => Kind::VersionedAccept,
             Self::Accept(_) => Kind::Accept,
             Self::Refuse(_) => Kind::Refuse,
             Self::Close(_) => Kind::Close,
@@ -79,7 +79,7 @@ impl Message {
                 let Hello { versions, protocol, session, lane, idle_timeout, channels, application } = hello;
                 out.put_slice(&MAGIC);
                 out.put_u16_le(versions.highest.0);
-                if versions.highest > WireVersion::WITHOUT_RANGE {
+                if versions.highest.has_range() {
                     out.put_u16_le(versions.lowest.0);
                 }
                 put_control(out, &(protocol, session, lane, idle_timeout));
@@ -117,7 +117,7 @@ impl Message {
             Kind::Accept => parse_accept(kind, WireVersion::WITHOUT_RANGE, payload),
             Kind::VersionedAccept => {
                 let (version, body) = take_version(kind, payload)?;
-                if !WireVersions::SUPPORTED.contains(version) || version <= WireVersion::WITHOUT_RANGE {
+                if !WireVersions::SUPPORTED.contains(version) || !version.has_range() {
                     return Err(unsupported(WireVersions::only(version)));
                 }
                 parse_accept(kind, version, body)
@@ -249,7 +249,7 @@ fn parse_hello(kind: Kind, mut payload: Bytes) -> Result<Message, DecodeFault> {
     payload.advance(MAGIC.len());
     let (highest, mut body) = take_version(kind, payload)?;
     let mut versions = WireVersions::only(highest);
-    if highest > WireVersion::WITHOUT_RANGE {
+    if highest.has_range() {
         (versions.lowest, body) = take_version(kind, body)?;
     }
     // The rest has the layout of the lowest version, or of 5 if that is higher: one that this side knows.

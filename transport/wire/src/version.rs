@@ -17,6 +17,11 @@ impl WireVersion {
 
     /// The last version without ranges: its hello names this version alone, and its accept names none.
     pub(crate) const WITHOUT_RANGE: Self = Self(4);
+
+    /// Whether a hello of this version names a range, and an accept a version.
+    pub(crate) const fn has_range(self) -> bool {
+        self.0 > Self::WITHOUT_RANGE.0
+    }
 }
 
 impl fmt::Display for WireVersion {
@@ -61,7 +66,7 @@ impl WireVersions {
     /// version 4 knows no ranges, so it accepts hellos of its own version alone.
     #[must_use]
     pub fn accepts(self, hello: Self) -> Option<WireVersion> {
-        let understood = self.highest > WireVersion::WITHOUT_RANGE || self.highest >= hello.highest;
+        let understood = self.highest.has_range() || self.highest >= hello.highest;
         self.in_common(hello).filter(|_| understood)
     }
 }
