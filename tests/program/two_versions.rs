@@ -11,7 +11,7 @@ use crate::common::program::Process;
 
 const NOW: &str = env!("CARGO_BIN_EXE_trimaran");
 /// Frames behind each step, in which each culler has its turn.
-const SHOWN: usize = 20;
+const SHOWN: usize = 30;
 const WALK: [&str; 3] = ["--width=256", "--height=256", "--audit-every=200"];
 
 /// The program of the release before. Without the variable a test says that it is skipped, unless

@@ -23,7 +23,7 @@ pub const MAX_BLOCK: usize = 16_384;
 pub enum Kind {
     /// A connecting peer's hello, with its session and lane.
     Hello = 0x01,
-    /// The hello was accepted in version 4, which it has not to name.
+    /// The hello was accepted in version 4, which this does not name.
     Accept = 0x02,
     /// The hello was refused, and why.
     Refuse = 0x03,

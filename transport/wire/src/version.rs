@@ -71,13 +71,6 @@ impl WireVersions {
     }
 }
 
-/// As [`WireVersions::SUPPORTED`].
-impl Default for WireVersions {
-    fn default() -> Self {
-        Self::SUPPORTED
-    }
-}
-
 /// `version 4`, or `versions 4 to 5`.
 impl fmt::Display for WireVersions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -128,6 +121,6 @@ mod tests {
     #[test]
     fn one_version_and_several_read_as_such() {
         assert_eq!(range(4, 4).to_string(), "version 4");
-        assert_eq!(WireVersions::default().to_string(), "versions 4 to 5");
+        assert_eq!(WireVersions::SUPPORTED.to_string(), "versions 4 to 5");
     }
 }
