@@ -7,7 +7,7 @@ use std::sync::{Arc, LazyLock, Weak};
 
 use parking_lot::Mutex;
 use trimaran_net::{BoxFuture, Net};
-use trimaran_wire::{MAX_CHANNELS, Protocol, Refusal, SessionId};
+use trimaran_wire::{Lane, MAX_CHANNELS, Protocol, Refusal, SessionId};
 
 use crate::acceptor::Acceptor;
 use crate::application::{Application, Side};

@@ -184,6 +184,7 @@ impl Direction {
             Kind::Hello
             | Kind::ChannelsHello
             | Kind::Accept
+            | Kind::VersionedAccept
             | Kind::Refuse
             | Kind::Close
             | Kind::KeepAlive => &self.control,

@@ -17,8 +17,8 @@ use crate::quic::connect::endpoint;
 use crate::quic::control::{Beside, Control};
 use crate::quic::tls::{self, Verifier};
 use crate::{
-    AcceptError, DecodeFault, Endpoint, Kind, Lane, Link, Listener, Net, Options, ProtocolError, RecvError,
-    SessionId, TokioNet, connect,
+    AcceptError, DecodeFault, Endpoint, Kind, Lane, Link, LinkConfig, Listener, Net, Options, ProtocolError,
+    RecvError, SessionId, TokioNet, connect,
 };
 
 const HERE: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);

@@ -146,7 +146,12 @@ test("each reason of a refusal reads back", () => {
     assert.equal(payload[2], number);
     assert.deepEqual(decodeRefuse(payload), refusal);
     assert(describeRefusal(refusal).length > 5);
-    assert.throws(() => decodeRefuse(concat(payload, new Uint8Array(1))), new WireError("1 bytes too many"));
+    const longer = concat(payload, new Uint8Array(1));
+    if (refusal.reason === "versions") {
+      assert.equal(decodeRefuse(longer).reason, "versions");
+    } else {
+      assert.throws(() => decodeRefuse(longer), new WireError("1 bytes too many"));
+    }
   }
   const connector = { highest: 5, lowest: 4 };
   for (const [bytes, version] of [
