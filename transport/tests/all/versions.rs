@@ -46,7 +46,7 @@ async fn both_take_the_highest_version_in_common(endpoint: &str) {
         (BEFORE, NOW, WireVersion::LOWEST),
         (BEFORE, BEFORE, WireVersion::LOWEST),
     ] {
-        let Meeting { mut listener, at, panel, .. } =
+        let Meeting { mut listener, at, panel, _folder, .. } =
             Meeting::at(endpoint, &speaking(&Options::default(), listens)).await;
         let (net, panel) = (net(), speaking(&panel, connects));
         let links = tokio::join!(
@@ -61,7 +61,7 @@ async fn both_take_the_highest_version_in_common(endpoint: &str) {
 }
 
 async fn without_a_version_in_common_both_ranges_are_named(endpoint: &str) {
-    let Meeting { mut listener, at, panel, .. } = Meeting::at(endpoint, &Options::default()).await;
+    let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &Options::default()).await;
     let expected = Refusal::Version { listener: NOW, connector: LATER };
     let told = refusal(&net(), &at, greeting(PANEL), &speaking(&panel, LATER)).await;
     assert_eq!(told, expected);
