@@ -4,7 +4,7 @@ use std::{fs, path::PathBuf, thread, time::Duration};
 
 use serde_json::Value;
 
-use super::program::{Bench, Process};
+use super::program::{Bench, Process, printed};
 
 /// The cullers.
 pub(crate) const CULLERS: [&str; 2] = ["culler-1", "culler-2"];
@@ -138,7 +138,7 @@ impl Deployment {
     /// The report of a walk that is over, with all its checks: every frame is there once and in order, and
     /// those that were checked are exact.
     pub(crate) fn whole_report(&self) -> Value {
-        self.complete("walk");
+        self.complete_by(env!("CARGO_BIN_EXE_trimaran"), "walk");
         let report = self.report_in_order();
         for frame in report["frames"].as_array().unwrap().iter().step_by(AUDIT_EVERY) {
             assert_eq!(frame["cut_mismatch_pixels"], 0, "{frame}");
@@ -146,10 +146,10 @@ impl Deployment {
         report
     }
 
-    /// Adds what the report in the folder `out` lacks.
-    pub(crate) fn complete(&self, out: &str) {
+    /// Adds what the report in the folder `out` lacks, by this program.
+    pub(crate) fn complete_by(&self, program: &str, out: &str) {
         if self.bench.path(out).join("unchecked.json").exists() {
-            self.bench.done(&["report", out]);
+            printed(&self.bench.command_of(program, &["report", out]).output().unwrap());
         }
     }
 

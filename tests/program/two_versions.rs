@@ -12,7 +12,9 @@ use crate::common::program::Process;
 const NOW: &str = env!("CARGO_BIN_EXE_trimaran");
 /// Frames behind each step, in which each culler has its turn.
 const SHOWN: usize = 30;
-const WALK: [&str; 3] = ["--width=256", "--height=256", "--audit-every=200"];
+const WALK: [&str; 3] = ["--width=96", "--height=96", "--audit-every=20"];
+/// Longer than a test may wait: a display that is held is not lost.
+const IDLE: [&str; 2] = ["-o", "link.idle_timeout_s=600"];
 
 /// The program of the release before. Without the variable a test says that it is skipped, unless
 /// `TRIMARAN_REQUIRE_BEFORE` is 1.
@@ -37,14 +39,14 @@ struct Machines {
 impl Machines {
     fn start(transport: &str, program: &str) -> Self {
         let deployment = Deployment::here(transport, [(); 2].map(|()| unused_port()));
-        let cullers = CULLERS.map(|culler| Some(deployment.start_by(program, culler, &[])));
+        let cullers = CULLERS.map(|culler| Some(deployment.start_by(program, culler, &IDLE)));
         let mut machines = Self { deployment, cullers, display: None, behind: Vec::new() };
         machines.start_display(program, &["--resumable"]);
         machines
     }
 
     fn start_display(&mut self, program: &str, more: &[&str]) {
-        let mut display = self.deployment.start_by(program, "display", &[&WALK, more].concat());
+        let mut display = self.deployment.start_by(program, "display", &[&WALK, &IDLE[..], more].concat());
         for _ in CULLERS {
             display.says("has come");
         }
@@ -59,13 +61,18 @@ impl Machines {
         self.behind.push((from, from + SHOWN));
     }
 
+    /// The display is held meanwhile, so that no machine is fast enough to come to the end of its path.
     fn replace_culler(&mut self, index: usize, program: &str) {
+        let display = self.display.as_mut().unwrap();
+        display.signal("STOP");
         let old = self.cullers[index].take().unwrap();
         old.interrupt();
         old.ends(0);
-        self.cullers[index] = Some(self.deployment.start_by(program, CULLERS[index], &[]));
-        let came = format!("culler {} came before", index + 1);
-        self.display.as_mut().unwrap().says(&came);
+        let mut culler = self.deployment.start_by(program, CULLERS[index], &IDLE);
+        culler.says("listens on");
+        display.signal("CONT");
+        display.says(&format!("culler {} came before", index + 1));
+        self.cullers[index] = Some(culler);
         self.walk_on();
     }
 
@@ -77,8 +84,9 @@ impl Machines {
     }
 
     /// Ends the walk and returns its report, which has every frame once and in order.
-    fn end(&mut self) -> Value {
+    fn end(&mut self, before: &str) -> Value {
         let (_, said) = self.deployment.interrupted(self.display.take().unwrap());
+        self.deployment.complete_by(before, "walk");
         let report = self.deployment.whole_report();
         for (from, to) in &self.behind {
             let frames = &report["frames"].as_array().unwrap()[*from..*to];
@@ -104,7 +112,7 @@ fn is_as_in_one_process(deployment: &Deployment, frames: usize) {
     }
     display.interrupt();
     display.ends(3);
-    deployment.complete("alone");
+    deployment.complete_by(NOW, "alone");
     assert_eq!(culled_by(&deployment.report("alone")), ["display"]);
     let folders = ["walk", "alone"].map(|out| deployment.path(out));
     for frame in 0..frames {
@@ -122,7 +130,7 @@ fn upgraded_and_put_back(transport: &str) {
     machines.replace_culler(1, &before);
     machines.replace_display(&before, &[]);
     machines.replace_culler(0, &before);
-    let report = machines.end();
+    let report = machines.end(&before);
     let frames = report["frames"].as_array().unwrap().len();
     // Both programs resumed the walk of the other one.
     let notes = report["run"]["notes"].as_array().unwrap();
