@@ -2,7 +2,9 @@
 
 import "./page.css";
 import { drive } from "./drive/drive.ts";
+import { flyDown, isMotionReduced } from "./navigate/overview.ts";
 import { showPanels } from "./panels/app.tsx";
+import { showCooking } from "./panels/cooking.tsx";
 import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
 import { followLink } from "./tools/viewsPanel.tsx";
@@ -23,7 +25,7 @@ async function begin(): Promise<void> {
   }
   try {
     const service = new Service(location.href);
-    const scene = await service.scene();
+    const scene = await service.cooked((cooking) => showCooking(panels, cooking));
     document.title = `${scene.name} - Trimaran`;
     const isDriven = /^#drive(=|$)/.test(location.hash);
     const network = isDriven ? location.hash.slice("#drive=".length) : "";
@@ -35,6 +37,9 @@ async function begin(): Promise<void> {
       viewer.said.value = `The service shows another model now: ${scene.name}.`;
     }
     followLink(viewer, new URL(location.href));
+    if (!isDriven && !location.hash.startsWith("#v=") && !isMotionReduced()) {
+      flyDown(viewer);
+    }
     // Entering a link with another fragment does not reload the page.
     addEventListener("hashchange", ({ newURL }) => followLink(viewer, new URL(newURL)));
     if (isDriven) {

@@ -18,7 +18,9 @@ declare global {
 const PATIENCE = 60_000;
 
 const [width = 512, height = 512] = process.argv.slice(2, 4).map(Number);
-const isTouch = process.argv[4] === "touch";
+const isTouch = process.argv.includes("touch");
+/** Without it the page begins where a walk begins, and not with a flight. */
+const hasMotion = process.argv.includes("motion");
 const flags = process.argv.slice(4).filter((argument) => argument.startsWith("--"));
 const browser = await chromium.launch({
   executablePath: process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium",
@@ -31,7 +33,12 @@ const browser = await chromium.launch({
     ...flags,
   ],
 });
-const page = await browser.newPage({ viewport: { width, height }, hasTouch: isTouch, isMobile: isTouch });
+const page = await browser.newPage({
+  viewport: { width, height },
+  hasTouch: isTouch,
+  isMobile: isTouch,
+  reducedMotion: hasMotion ? "no-preference" : "reduce",
+});
 await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
 const faults: string[] = [];
 page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
@@ -100,9 +107,12 @@ const ACTIONS = {
       .locator("button", { hasText: new RegExp(`^${name}`) })
       .first()
       .click(),
+  picture: ({ path }: { path: string }) => page.screenshot({ path }),
   file: ({ selector, name, text }: Chosen & Name & { text: string }) =>
     page.locator(selector).setInputFiles({ name, mimeType: "application/json", buffer: Buffer.from(text) }),
   choose: ({ label, value }: { label: string; value: string }) => page.getByLabel(label).selectOption(value),
+  /** Clicks a face of the cube that shows the orientation. */
+  face: ({ name }: Name) => page.locator(".cube g", { hasText: name }).locator("text").click(),
   /** Resets the eye, the sections and the error bound. */
   home: () =>
     page.evaluate(() => {
@@ -256,6 +266,7 @@ function state(): unknown {
   const { hidden, seeThrough, sections } = seen?.view.current.value ?? {};
   return {
     ...seen?.camera,
+    start: seen?.scene.start,
     forward: seen?.navigator.forward,
     mode: seen?.navigator.mode.value,
     selected: [...(seen?.selected.value ?? [])],

@@ -8,6 +8,7 @@ import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
 import { Navigator } from "../src/navigate/navigator.ts";
 import { approach, pan, turnAbout } from "../src/navigate/orbit.ts";
 import { mostOpen } from "../src/navigate/sides.ts";
+import { STANDARD_VIEWS } from "../src/navigate/standardViews.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
 import type { SceneDescription } from "../src/service/service.ts";
@@ -252,7 +253,8 @@ test("keys and a gamepad say what a person wants", () => {
   assert.deepEqual(none, still());
 });
 
-test("what was tapped before the eye goes to another place does not move it from there", () => {
+/** A navigator of an eye at the origin, and the events of its window. */
+function navigatorAtOrigin(): { walker: Navigator; events: EventTarget } {
   const scope = globalThis as { addEventListener?: unknown };
   const canvas = Object.assign(new EventTarget(), { clientWidth: 800, clientHeight: 600 });
   const scene = {
@@ -267,7 +269,80 @@ test("what was tapped before the eye goes to another place does not move it from
   scope.addEventListener = events.addEventListener.bind(events);
   Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => [] }, configurable: true });
   const service = { tile: () => Promise.reject(new Error("nothing is fetched")) };
-  const walker = new Navigator(canvas as unknown as HTMLCanvasElement, scene, service);
+  return { walker: new Navigator(canvas as unknown as HTMLCanvasElement, scene, service), events };
+}
+
+test("a flight begins when it is ready, arrives in time, and ends with any input", () => {
+  const { walker, events } = navigatorAtOrigin();
+  const to = { eye: [0, -8, -40], forward: [1, 0, 0] } as const;
+  let isReady = false;
+  walker.goTo([0, 8, 40], [-1, -1, 0]);
+  walker.fly(to, "orbit", 2, () => isReady);
+  walker.step(0.1);
+  assert.deepEqual(walker.eye, [0, 8, 40], "it waits");
+  isReady = true;
+  const heights = Array.from({ length: 21 }, () => {
+    walker.step(0.1);
+    return walker.eye[1];
+  });
+  assert.ok(
+    heights.every((height, at) => at === 0 || height <= (heights[at - 1] ?? 0)),
+    `${heights}`,
+  );
+  assert.ok(Math.abs((heights[9] ?? 0) - 0) < 1e-9, `half of the way at half of the time: ${heights}`);
+  assert.deepEqual([walker.eye, walker.mode.peek()], [to.eye, "orbit"]);
+  assert.ok(Math.abs(walker.forward[0] - 1) < 1e-12);
+  for (const kind of ["keydown", "pointerdown", "wheel"]) {
+    walker.goTo([0, 8, 40], [0, 0, -1]);
+    walker.fly(to, "walk", 2, () => true);
+    walker.step(0.2);
+    events.dispatchEvent(Object.assign(new Event(kind), { code: "", ctrlKey: true }));
+    const { eye } = walker;
+    walker.step(0.2);
+    assert.deepEqual([walker.eye, walker.mode.peek()], [eye, "orbit"], kind);
+  }
+});
+
+test("jumps can be gone back and forward, exactly to where the eye was left", () => {
+  const { walker } = navigatorAtOrigin();
+  const box = { min: [4, 4, 4], max: [5, 5, 5] } as const;
+  const { history } = walker;
+  assert.deepEqual([history.canGoBack.value, history.canGoForward.value], [false, false]);
+  walker.goTo([7, 8, 9], [0, 0, -1]);
+  walker.setVfov(33);
+  walker.frameFrom(box, [-1, 0, 0]);
+  const framed = walker.eye;
+  walker.jumpTo({ eye: [1, 1, 1], forward: [0, 0, 1], vfovDeg: 70, mode: "orbit" });
+  walker.goTo([2, 1, 1], [0, 0, 1]);
+  walker.goBack();
+  assert.deepEqual([walker.eye, walker.vfovDeg, walker.mode.peek()], [framed, 33, "fly"]);
+  walker.goBack();
+  assert.deepEqual([walker.eye, walker.vfovDeg, history.canGoBack.value], [[7, 8, 9], 33, false]);
+  walker.goBack();
+  assert.deepEqual(walker.eye, [7, 8, 9], "there is nothing before it");
+  walker.goBack(1);
+  walker.goBack(1);
+  assert.deepEqual([walker.eye, walker.mode.peek()], [[2, 1, 1], "orbit"]);
+  // A new jump discards the places after this one.
+  walker.goBack();
+  walker.frameFrom(box, [0, 0, 1]);
+  assert.deepEqual([history.canGoBack.value, history.canGoForward.value], [true, false]);
+});
+
+test("the standard views look along their axes, and from above the front is below", () => {
+  for (const { name, forward } of STANDARD_VIEWS) {
+    const gaze = new Gaze(forward);
+    const length = Math.hypot(...forward);
+    const cosine = gaze.forward.reduce((sum, part, axis) => sum + (part * (forward[axis] ?? 0)) / length, 0);
+    assert.ok(cosine > 0.9999, `${name}: ${gaze.forward}`);
+    if (name === "Top" || name === "Bottom") {
+      assert.ok(Math.abs(gaze.heading) < 1e-9, `${name}: ${gaze.heading}`);
+    }
+  }
+});
+
+test("what was tapped before the eye goes to another place does not move it from there", () => {
+  const { walker } = navigatorAtOrigin();
   walker.press("KeyW", true);
   walker.press("KeyW", false);
   walker.step(0.1);

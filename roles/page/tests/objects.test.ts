@@ -1,7 +1,19 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { hide, isolate, show, showAll, toggleSeeThrough, told, visibility } from "../src/objects/actions.ts";
+import {
+  ghostRest,
+  hasGhosts,
+  hide,
+  isolate,
+  show,
+  showAll,
+  toggleSeeThrough,
+  told,
+  visibility,
+} from "../src/objects/actions.ts";
+import { atLevel, LEVELS, levelsOf, parentOf } from "../src/objects/levels.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
+import type { PartDetails } from "../src/service/service.ts";
 import { around } from "../src/space/box.ts";
 import { lengthText, measuredText } from "../src/tools/lengths.ts";
 import { ViewHistory, WHOLE } from "../src/viewer/viewHistory.ts";
@@ -44,16 +56,57 @@ test("what is hidden, isolated and shown again is drawn or not", () => {
   assert.deepEqual(drawn(), ["some", "none", "none"]);
   view = { ...view, ...show(view, other) };
   assert.deepEqual(drawn(), ["some", "none", "all"]);
-  assert.equal(told(view), "only 9 shown, 2 hidden");
+  assert.equal(told(view, 100), "only 9 shown, 2 hidden");
   view = { ...view, ...toggleSeeThrough(view, pipe) };
   assert.ok(view.seeThrough.has(3));
   view = { ...view, ...toggleSeeThrough(view, pipe) };
   assert.ok(view.seeThrough.isEmpty);
   const plane = { kind: "plane", point: [0, 0, 0], direction: [0, 1, 0] } as const;
   view = { ...view, sections: [plane] };
-  assert.equal(told(view), "cut by 1 section, only 9 shown, 2 hidden");
+  assert.equal(told(view, 100), "cut by 1 section, only 9 shown, 2 hidden");
   view = { ...view, ...showAll() };
-  assert.deepEqual([drawn(), told(view)], [["all", "all", "all"], ""]);
+  assert.deepEqual([drawn(), told(view, 100)], [["all", "all", "all"], ""]);
+});
+
+test("all the rest are ghosts, and what the model has see-through stays so", () => {
+  const [model, pipe] = [ObjectSet.run(0, 2), ObjectSet.run(1, 4)];
+  const ghosts = { ...WHOLE, ...ghostRest(pipe, 10, model) };
+  assert.deepEqual([...ghosts.seeThrough], [0, 1, 4, 5, 6, 7, 8, 9]);
+  assert.equal(told(ghosts, 10, model), "ghosts: all but 2");
+  const few = { ...WHOLE, seeThrough: ObjectSet.run(0, 5) };
+  assert.equal(told(few, 10, model), "5 see-through");
+  // A model of glass has no ghosts until somebody makes some.
+  const glass = { ...WHOLE, seeThrough: ObjectSet.run(0, 9) };
+  assert.deepEqual([hasGhosts(glass, 10, glass.seeThrough), hasGhosts(glass, 10)], [false, true]);
+});
+
+test("a level is the lowest named group or one above it, and never the file", () => {
+  const group = (id: number, name: string, first: number, end: number) =>
+    ({ kind: "group", id, name, first, end }) as const;
+  const path = [
+    group(0, "plant.rvm", 0, 99),
+    group(1, "ZONE", 0, 50),
+    group(2, "", 0, 20),
+    group(3, "PIPE", 0, 20),
+    group(4, "BRANCH", 0, 20),
+    group(5, "", 3, 9),
+  ];
+  const object = { kind: "object", id: 5, name: "", first: 5, end: 6, path } as unknown as PartDetails;
+  const names = LEVELS.map((level) => atLevel(object, level).name);
+  assert.deepEqual(names, ["", "BRANCH", "PIPE", "ZONE"]);
+  const shallow = { ...object, path: path.slice(0, 2) };
+  assert.deepEqual(
+    LEVELS.map((level) => atLevel(shallow, level).name),
+    ["", "ZONE", "ZONE", "ZONE"],
+  );
+  assert.equal(atLevel({ ...object, path: path.slice(0, 1) }, "System").kind, "object");
+  // Groups of the same objects are one step.
+  assert.equal(parentOf(object)?.name, "BRANCH");
+  const pipe = { ...object, first: 0, end: 20, path: path.slice(0, 3) };
+  assert.equal(parentOf(pipe)?.name, "ZONE");
+  assert.equal(parentOf({ ...pipe, end: 99, path: [] }), undefined);
+  assert.deepEqual(levelsOf({ groupLevels: 2 }), ["Primitive", "Part", "Equipment"]);
+  assert.deepEqual([levelsOf({ groupLevels: 0 }).length, levelsOf({ groupLevels: 9 }).length], [1, 4]);
 });
 
 test("changes are taken back one by one, and a drag is one", () => {

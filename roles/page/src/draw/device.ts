@@ -22,6 +22,8 @@ import { at, View } from "./view.ts";
 
 /** The opacity of see-through objects. */
 const SEE_THROUGH = 0.25;
+/** The same of ghosts. */
+const GHOST = 0.08;
 /** No drawable has this number. */
 export const NOTHING = 0xffff_ffff;
 const NO_ITEM = [NOTHING, 0, 0, 0];
@@ -80,13 +82,14 @@ export class Device {
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
     this.#still.beginObjects("opaque");
     this.#drawItems(camera, opaque, look, "object");
-    if (seeThrough.length > 0) {
+    const haveLines = seeThrough.length > 0 && look.areGhosts !== true;
+    if (haveLines) {
       // See-through objects have lines of their own, and those of the opaque ones stay.
       this.#still.beginObjects("all");
       this.#drawItems(camera, drawables, look, "object");
     }
     const { tanX, tanY } = this.#view;
-    this.#still.add(step, [tanX, tanY], [right, up], seeThrough.length > 0);
+    this.#still.add(step, [tanX, tanY], [right, up], haveLines);
     this.#shift = [0, 0];
   }
 
@@ -168,7 +171,7 @@ export class Device {
     gl.depthFunc(this.features.depth === "reversed" ? gl.GREATER : gl.LESS);
     gl.depthMask(false);
     gl.enable(gl.BLEND);
-    gl.blendColor(0, 0, 0, SEE_THROUGH);
+    gl.blendColor(0, 0, 0, look.areGhosts === true ? GHOST : SEE_THROUGH);
     gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
     this.#seeThroughBatch ??= new Batch(gl, this.features);
     this.#seeThroughBatch.draw(this.#view, drawables, this.arena, picture, look);

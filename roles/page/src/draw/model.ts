@@ -31,6 +31,8 @@ export interface Look {
   readonly highlighted: ObjectSet;
   /** Drawn see-through. */
   readonly seeThrough: ObjectSet;
+  /** They are ghosts: fainter, since many lie one behind the other, and without lines. */
+  readonly areGhosts?: boolean;
 }
 
 /** The plain model. */

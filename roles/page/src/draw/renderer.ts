@@ -31,6 +31,9 @@ export interface Picked {
   readonly drawable: number;
   /** Nothing if the drawable shows several. */
   readonly object: number | undefined;
+  /** All objects of the drawable: from `first` to before `end`. */
+  readonly first: number;
+  readonly end: number;
   /** Metres from the eye, along the viewing direction. */
   readonly depth: number;
 }
@@ -161,8 +164,9 @@ export class Renderer {
       const [met] = this.#device.around(camera, candidates, look, [column, row], 0);
       const drawable = candidates.find(({ id }) => id === met?.item);
       if (met !== undefined && drawable !== undefined) {
-        const object = drawable.objects === 1 ? drawable.object : undefined;
-        return { drawable: drawable.id, object, depth: met.depth };
+        const { id, object: first, objects } = drawable;
+        const object = objects === 1 ? first : undefined;
+        return { drawable: id, object, first, end: first + objects, depth: met.depth };
       }
     }
     return undefined;

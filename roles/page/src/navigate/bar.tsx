@@ -2,7 +2,9 @@
 
 import { useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
+import { Choice } from "../controls/choice.tsx";
 import { type Row, Rows } from "../controls/rows.tsx";
+import type { Selection } from "../objects/selection.ts";
 import type { Mode, Navigator } from "./navigator.ts";
 
 const MODES: readonly (readonly [Mode, string, string])[] = [
@@ -24,18 +26,30 @@ const HELP: readonly Row[] = [
   ["1, 2, 3", "walk, fly, orbit"],
   ["+, −", "field of view"],
   ["click", "pick an object; with Ctrl or Shift one more"],
+  ["Alt+click, U", "pick the group around it, and again the next larger one"],
+  ["K", "the level of clicks: primitive, part, equipment, system"],
   ["F, H, I, X", "go there, hide, isolate, see-through"],
+  ["G", "all the rest as ghosts; again, and all is solid"],
+  ["L", "show it in the tree"],
   ["Shift+H", "show all, and cut nothing"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
   ["/", "search"],
   ["T, B, M, V, P", "the model as a tree, sections, distances, views, status"],
-  ["Home", "see the whole model"],
+  ["Home, Shift+F", "see the whole model, from a corner or from this side"],
+  ["4 to 9, 0", "front, back, left, right, top, bottom; from a corner"],
+  ["Alt+←, Alt+→", "back to the place before a jump, and forward"],
   ["no key", "edges of objects come once the picture rests"],
   ["Escape", "back to the picture; take back a point; pick nothing"],
   ["Tab; arrows and Space", "the next control; use it"],
 ];
 
-export function NavigationBar({ navigator }: { readonly navigator: Navigator }) {
+export function NavigationBar({
+  navigator,
+  selection,
+}: {
+  readonly navigator: Navigator;
+  readonly selection: Selection;
+}) {
   const help = useRef<HTMLDialogElement>(null);
   const showHelp = () => {
     // The dialog gets key events from now on, including their release.
@@ -65,6 +79,14 @@ export function NavigationBar({ navigator }: { readonly navigator: Navigator }) 
           onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
         />
       </label>
+      {selection.levels.length > 1 && (
+        <Choice
+          label="Picks"
+          options={selection.levels.map((level) => ({ value: level, text: level }))}
+          value={selection.level.value}
+          onChoose={(level) => selection.setLevel(level)}
+        />
+      )}
       <Button text="?" aria-label="Keys" onClick={showHelp} />
       <dialog ref={help} aria-label="Keys">
         <Rows rows={HELP} />

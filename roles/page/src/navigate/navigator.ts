@@ -5,11 +5,13 @@ import { Projection } from "../draw/projection.ts";
 import type { SceneDescription, Service, Side } from "../service/service.ts";
 import { type Box, centreOf } from "../space/box.ts";
 import { beyond, distance, type Point } from "../space/point.ts";
+import { CameraHistory, type CameraPose } from "./cameraHistory.ts";
+import { Flight, type Sight } from "./flight.ts";
 import { framingEye } from "./framing.ts";
 import { Gaze } from "./gaze.ts";
 import { Ground } from "./ground.ts";
 import { addGamepad, Keys, type Motion, still } from "./motion.ts";
-import { approach, pan, turnAbout } from "./orbit.ts";
+import { type Axes, approach, axesOf, pan, turnAbout } from "./orbit.ts";
 import { type Drag, listenToPointers } from "./pointers.ts";
 import { mostOpen } from "./sides.ts";
 import { isForControl } from "./typing.ts";
@@ -36,6 +38,8 @@ const CLOSEST = 0.005;
 const NEAREST = 1e-9;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
+/** The same for a flight, which is to arrive in time though pictures are slow. */
+const LONGEST_FLOWN = 0.25;
 /** Running speed factor. */
 const FASTER = 4;
 /** Metres a second, of a person whose eye is at 1.7 m. */
@@ -43,6 +47,14 @@ const STROLL = 1.4 / 1.7;
 /** Vertical fields of view, degrees. */
 const NARROWEST = 20;
 const WIDEST = 100;
+
+/** A flight, and what it waits for. */
+interface Flown {
+  readonly flight: Flight;
+  /** The mode after it. */
+  readonly mode: Mode;
+  readonly isReady: () => boolean;
+}
 
 /** The commands of keys. */
 const COMMANDS: Readonly<Record<string, (navigator: Navigator) => void>> = {
@@ -78,6 +90,10 @@ export class Navigator {
   readonly vfov = signal(0);
   /** Metres a second. */
   readonly speed = signal(0);
+  /** The places between which a person has jumped. */
+  readonly history = new CameraHistory();
+  /** The flight under way. */
+  #flown: Flown | undefined;
   /** Keys and mouse do nothing. */
   isHeld = false;
   /** Whether the eye was moved since the last step. */
@@ -110,6 +126,11 @@ export class Navigator {
     return this.#gaze.forward;
   }
 
+  /** The directions to the right, upwards and ahead: unit vectors of the world. */
+  get axes(): Axes {
+    return axesOf(this.#gaze);
+  }
+
   /** The eye and the viewing direction: see `Gaze`. */
   get pose(): { eye: Point; heading: number; pitch: number } {
     return { eye: this.eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
@@ -132,7 +153,7 @@ export class Navigator {
 
   /** Moves for this many seconds. Returns whether the eye has moved since the last step. */
   step(seconds: number): boolean {
-    const isStep = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
+    const isStep = this.#advance(seconds) || (!this.isHeld && this.#move(Math.min(seconds, LONGEST)));
     const hasMoved = this.isMoved || isStep;
     this.isMoved = false;
     return hasMoved;
@@ -181,21 +202,44 @@ export class Navigator {
 
   /** The same, but as a step of a continuous motion. */
   follow(eye: Point, forward: Point): void {
-    this.eye = eye;
-    this.#gaze.along(forward);
-    this.#walk.place(eye);
-    this.isMoved = true;
+    this.#flown = undefined;
+    this.#put({ eye, forward });
+  }
+
+  /** Jumps to a pose. `goBack` returns to this place. */
+  jumpTo(pose: CameraPose): void {
+    this.history.leave(this.#cameraPose);
+    this.#show(pose);
+  }
+
+  /** Returns to the place before the last jump, or with 1 to the one after it. */
+  goBack(steps: -1 | 1 = -1): void {
+    const pose = this.history.go(steps, this.#cameraPose);
+    if (pose !== undefined) {
+      this.#show(pose);
+    }
   }
 
   /**
-   * Flies to where a box fills the picture, and looks at it: from the present side and a little above, or
+   * Jumps to where a box fills the picture, and looks at it: from the present side and a little above, or
    * from a more open side.
    */
   frame(box: Box, sides: readonly Side[] = []): void {
     const { forward } = this;
     const level = Math.hypot(forward[0], forward[2]) || 1;
     const ahead: Point = [(0.9 * forward[0]) / level, -0.44, (0.9 * forward[2]) / level];
-    const gaze = new Gaze(mostOpen(sides, ahead) ?? ahead);
+    this.frameFrom(box, mostOpen(sides, ahead) ?? ahead);
+  }
+
+  /** Jumps to where a box fills the picture, and looks at it along `forward`. */
+  frameFrom(box: Box, forward: Point): void {
+    this.history.leave(this.#cameraPose);
+    this.show(box, forward);
+  }
+
+  /** The same, without a way back. */
+  show(box: Box, forward: Point): void {
+    const gaze = new Gaze(forward);
     if (this.mode.peek() === "walk") {
       this.mode.value = "fly";
     }
@@ -203,6 +247,53 @@ export class Navigator {
     const { tanHalfFov } = this;
     this.goTo(framingEye(box, gaze, (tanHalfFov * width) / height, tanHalfFov), gaze.forward);
     this.#pivot = centreOf(box);
+  }
+
+  /**
+   * Flies to a pose within this many seconds, once `isReady`, and is in `mode` then. Any input and any other
+   * motion ends the flight where it is.
+   */
+  fly(to: Sight, mode: Mode, seconds: number, isReady: () => boolean): void {
+    const flight = new Flight({ eye: this.eye, forward: this.forward }, to, seconds);
+    this.#flown = { flight, mode, isReady };
+  }
+
+  get #cameraPose(): CameraPose {
+    const { eye, forward, vfovDeg } = this;
+    return { eye, forward, vfovDeg, mode: this.mode.peek() };
+  }
+
+  #show({ eye, forward, vfovDeg, mode }: CameraPose): void {
+    this.setMode(mode);
+    this.setVfov(vfovDeg);
+    this.goTo(eye, forward);
+  }
+
+  #put({ eye, forward }: Sight): void {
+    this.eye = eye;
+    this.#gaze.along(forward);
+    this.#walk.place(eye);
+    this.isMoved = true;
+  }
+
+  /** Flies on. Returns whether the eye has moved by that. */
+  #advance(seconds: number): boolean {
+    const flown = this.#flown;
+    if (flown === undefined || (!flown.flight.hasBegun && !flown.isReady())) {
+      return false;
+    }
+    const pushed = still();
+    addGamepad(pushed, navigator.getGamepads());
+    if (Object.values(pushed).some((share) => share !== 0)) {
+      this.#flown = undefined;
+      return false;
+    }
+    this.#put(flown.flight.after(Math.min(seconds, LONGEST_FLOWN)));
+    if (flown.flight.isOver) {
+      this.#flown = undefined;
+      this.setMode(flown.mode);
+    }
+    return true;
   }
 
   #move(seconds: number): boolean {
@@ -308,6 +399,12 @@ export class Navigator {
   }
 
   #listen(canvas: HTMLCanvasElement): void {
+    for (const kind of ["keydown", "pointerdown", "wheel"] as const) {
+      const end = () => {
+        this.#flown = undefined;
+      };
+      addEventListener(kind, end, { capture: true, passive: true });
+    }
     addEventListener("keydown", (event) => {
       const isShortcut = event.ctrlKey || event.metaKey || event.altKey;
       if (

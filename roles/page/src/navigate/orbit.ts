@@ -3,7 +3,7 @@
 import { distance, dot, lerp, minus, type Point, pointOf } from "../space/point.ts";
 import type { Gaze } from "./gaze.ts";
 
-type Axes = readonly [right: Point, up: Point, forward: Point];
+export type Axes = readonly [right: Point, up: Point, forward: Point];
 
 /** The directions of a gaze: unit vectors of the world. */
 export function axesOf(gaze: Gaze): Axes {

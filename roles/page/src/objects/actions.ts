@@ -1,7 +1,7 @@
 /** A person's actions on objects, as changes of a view. */
 
 import { ObjectSet } from "../proto/objectSet.ts";
-import type { UserView } from "../viewer/viewHistory.ts";
+import type { SeenView, UserView } from "../viewer/viewHistory.ts";
 
 /** A change of the view. */
 export type Change = Partial<UserView>;
@@ -28,6 +28,16 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
   return { seeThrough: seeThrough.covers(objects) ? seeThrough.minus(objects) : seeThrough.union(objects) };
 }
 
+/** All other objects are ghosts: see-through. Objects that the model has see-through stay so. */
+export function ghostRest(solid: ObjectSet, objectCount: number, modelSeeThrough = ObjectSet.EMPTY): Change {
+  return { seeThrough: ObjectSet.run(0, objectCount).minus(solid.minus(modelSeeThrough)) };
+}
+
+/** Whether the picture is one of ghosts: more than half of all objects are see-through, beyond the model's. */
+export function hasGhosts({ seeThrough }: SeenView, objectCount: number, model = ObjectSet.EMPTY): boolean {
+  return 2 * seeThrough.size > objectCount && !model.covers(seeThrough);
+}
+
 /** Draws all objects as in the model, without sections. */
 export function showAll(modelSeeThrough = ObjectSet.EMPTY): Change {
   return { hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
@@ -40,13 +50,17 @@ export function visibility(view: UserView, objects: ObjectSet): "all" | "some" |
   return drawn.isEmpty ? "none" : drawn.size === objects.size ? "all" : "some";
 }
 
-/** Describes the changes of the view in a few words; empty without changes. */
-export function told({ sections, hidden, isolated, seeThrough }: UserView): string {
+/** Describes the changes of a model's view in a few words; empty without changes. */
+export function told(view: UserView, objectCount: number, model = ObjectSet.EMPTY): string {
+  const { sections, hidden, isolated, seeThrough } = view;
+  const solid = objectCount - seeThrough.size;
   const parts = [
     sections.length > 0 && `cut by ${sections.length} ${sections.length === 1 ? "section" : "sections"}`,
     isolated && `only ${isolated.size} shown`,
     !hidden.isEmpty && `${hidden.size} hidden`,
-    !seeThrough.isEmpty && `${seeThrough.size} see-through`,
+    hasGhosts(view, objectCount, model)
+      ? `ghosts: all but ${solid.toLocaleString("en")}`
+      : !seeThrough.isEmpty && `${seeThrough.size} see-through`,
   ];
   return parts.filter(Boolean).join(", ");
 }

@@ -1,11 +1,14 @@
 /** The commands of objects, for buttons and keys alike. */
 
+import type { NavigationCommand } from "../navigate/orientation.tsx";
+import { seeAll } from "../navigate/overview.ts";
+import type { StandardView } from "../navigate/standardViews.ts";
 import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
 import { around } from "../space/box.ts";
 import type { Measuring } from "../tools/measuring.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { type Change, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
+import { type Change, ghostRest, hasGhosts, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
 import { tellIfHidden } from "./reveal.ts";
 import type { Selection } from "./selection.ts";
 
@@ -15,11 +18,20 @@ export interface Command {
   readonly key: string;
   readonly run: () => void;
   readonly isPossible: () => boolean;
+  /** For a switch: whether it is on. */
+  readonly isOn?: () => boolean;
 }
 
-/** The commands for picked objects, and for the view. */
-export function commandsOf(viewer: Viewer, selection: Selection, measuring: Measuring): readonly Command[] {
+/** The commands for picked objects, and for the view. `openTree` shows the tree. */
+export function commandsOf(
+  viewer: Viewer,
+  selection: Selection,
+  measuring: Measuring,
+  openTree: () => void,
+): readonly Command[] {
   const { view, selected } = viewer;
+  const { objects: count } = viewer.scene;
+  const isGhostly = () => hasGhosts(view.current.value, count, view.modelSeeThrough);
   const hasSelection = () => !selected.value.isEmpty;
   const change = (make: (objects: ObjectSet) => Change) => () => view.change(make(selected.peek()));
   return [
@@ -29,7 +41,21 @@ export function commandsOf(viewer: Viewer, selection: Selection, measuring: Meas
       run: () => goToAll(viewer, selection.parts.peek()),
       isPossible: hasSelection,
     },
-    { label: "Whole model", key: "Home", run: () => seeAll(viewer), isPossible: () => true },
+    {
+      label: "Parent",
+      key: "U",
+      run: () => selection.pickParent(),
+      isPossible: hasSelection,
+    },
+    {
+      label: "In the tree",
+      key: "L",
+      run: () => {
+        openTree();
+        selection.locate();
+      },
+      isPossible: () => selection.details.value !== undefined,
+    },
     {
       label: "Hide",
       key: "H",
@@ -44,6 +70,18 @@ export function commandsOf(viewer: Viewer, selection: Selection, measuring: Meas
       key: "I",
       run: change((objects) => isolate(view.current.peek(), objects)),
       isPossible: hasSelection,
+    },
+    {
+      label: "Ghosts",
+      key: "G",
+      run: () => {
+        const solid = selected.peek();
+        const ghosts = ghostRest(solid, count, view.modelSeeThrough);
+        const isOff = solid.isEmpty || view.current.peek().seeThrough.equals(ghosts.seeThrough);
+        view.change(isOff ? { seeThrough: view.modelSeeThrough } : ghosts);
+      },
+      isPossible: () => hasSelection() || isGhostly(),
+      isOn: isGhostly,
     },
     {
       label: "See-through",
@@ -89,13 +127,40 @@ function goToAll(viewer: Viewer, parts: readonly PartDetails[]): void {
   }
 }
 
-/** Moves to a view of the whole model. */
-export function seeAll({ navigator, scene }: Viewer): void {
-  navigator.frame(scene.core);
+/** The commands of navigation. */
+export function navigationCommandsOf(viewer: Viewer): readonly NavigationCommand[] {
+  const { navigator, scene } = viewer;
+  const { history } = navigator;
+  const isPossible = () => true;
+  return [
+    {
+      label: "Back",
+      sign: "←",
+      key: "Alt+ArrowLeft",
+      run: () => navigator.goBack(),
+      isPossible: () => history.canGoBack.value,
+    },
+    {
+      label: "Forward",
+      sign: "→",
+      key: "Alt+ArrowRight",
+      run: () => navigator.goBack(1),
+      isPossible: () => history.canGoForward.value,
+    },
+    { label: "Whole model", sign: "⌂", key: "Home", run: () => seeAll(viewer), isPossible },
+    { label: "Fit all", sign: "⤢", key: "Shift+F", run: () => navigator.frame(scene.core), isPossible },
+  ];
+}
+
+/** Shows what is picked, or else the whole model, in a standard view. */
+export function lookFrom({ navigator, scene }: Viewer, selection: Selection, view: StandardView): void {
+  navigator.frameFrom(selection.bounds.peek() ?? scene.core, view.forward);
 }
 
 /** The key of an event in the notation of commands. */
-export function keyOf({ ctrlKey, metaKey, shiftKey, key }: KeyboardEvent): string {
-  const shift = shiftKey ? "Shift+" : "";
-  return `${ctrlKey || metaKey ? "Ctrl+" : ""}${shift}${key.length === 1 ? key.toUpperCase() : key}`;
+export function keyOf({ ctrlKey, metaKey, altKey, shiftKey, key, code }: KeyboardEvent): string {
+  const modifiers = `${ctrlKey || metaKey ? "Ctrl+" : ""}${altKey ? "Alt+" : ""}${shiftKey ? "Shift+" : ""}`;
+  // On some keyboards digits need Shift: the place of the key counts.
+  const digit = /^Digit(\d)$/.exec(code)?.[1];
+  return `${modifiers}${digit ?? (key.length === 1 ? key.toUpperCase() : key)}`;
 }

@@ -6,6 +6,7 @@ import { messageOf } from "../service/errors.ts";
 import type { Part, PartDetails } from "../service/service.ts";
 import { around } from "../space/box.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { atLevel, chosenLevel, keepLevel, type Level, levelsOf, parentOf } from "./levels.ts";
 
 /** The longest time and motion of a click: milliseconds and CSS pixels. */
 const LONGEST = 400;
@@ -31,12 +32,24 @@ export class Selection {
   readonly parts = computed(() => this.#picked.value.flatMap(({ details }) => details ?? []));
   /** The box around all picked parts. */
   readonly bounds = computed(() => around(this.parts.value));
+  /** The levels that the model has. */
+  readonly levels: readonly Level[];
+  /** The level at which clicks pick. */
+  readonly level = signal(chosenLevel());
+  /** The part whose row in the tree is to get the focus. */
+  readonly located = signal<PartDetails | undefined>(undefined);
+  /** The clicks that wait for the service, in their order. */
+  #clicking = Promise.resolve();
   readonly #viewer: Viewer;
   /** Handles clicks instead of the selection, and returns whether it does. */
   readonly #clicks: (x: number, y: number) => boolean;
 
   constructor(viewer: Viewer, clicks: (x: number, y: number) => boolean) {
     [this.#viewer, this.#clicks] = [viewer, clicks];
+    this.levels = levelsOf(viewer.scene);
+    if (!this.levels.includes(this.level.peek())) {
+      this.level.value = "Primitive";
+    }
     this.#listen(viewer.canvas);
     effect(() => {
       if (viewer.selected.value.isEmpty) {
@@ -76,6 +89,37 @@ export class Selection {
     }
   }
 
+  /** Picks at this level from now on, in this browser. */
+  setLevel(level: Level): void {
+    this.level.value = level;
+    keepLevel(level);
+  }
+
+  /** Picks at the next larger level, or again at the smallest. */
+  nextLevel(): void {
+    const next = this.levels[this.levels.indexOf(this.level.peek()) + 1] ?? "Primitive";
+    this.setLevel(next);
+    this.#viewer.said.value = `A click picks at the level: ${next}.`;
+  }
+
+  /** Picks the group around the part that was picked last. */
+  pickParent(): void {
+    this.#then(async () => {
+      const details = this.details.peek();
+      const parent = details && parentOf(details);
+      if (parent !== undefined) {
+        await this.pick(parent);
+      } else if (details !== undefined) {
+        this.#viewer.said.value = "There is no larger group around it.";
+      }
+    });
+  }
+
+  /** Shows the row of the part that was picked last, once the tree is open. */
+  locate(): void {
+    this.located.value = this.details.peek();
+  }
+
   clear(): void {
     this.#viewer.selected.value = ObjectSet.EMPTY;
   }
@@ -111,12 +155,36 @@ export class Selection {
       }
       return;
     }
-    const { object } = picked;
-    if (object === undefined) {
-      viewer.said.value = "These are several objects: come nearer to pick one.";
-      return;
+    const { object, first, end } = picked;
+    const part = { kind: "object", id: first, first, end: first + 1 } as const;
+    if (event.altKey && this.details.peek() !== undefined && viewer.selected.peek().has(first)) {
+      this.pickParent();
+    } else if (this.level.peek() === "Primitive" && object !== undefined) {
+      this.click(part, event);
+    } else {
+      this.#then(() => this.#clickGroup(part, end, event));
     }
-    this.click({ kind: "object", id: object, first: object, end: object + 1 }, event);
+  }
+
+  /** Picks the group of an object at the chosen level. It must have the objects up to `end` as well. */
+  async #clickGroup(object: PartKey, end: number, event: MouseEvent): Promise<void> {
+    const { service, said } = this.#viewer;
+    const level = this.level.peek();
+    try {
+      const group = atLevel(await service.details(object), level);
+      if (group.end < end) {
+        said.value = "These are several objects: come nearer to pick one.";
+      } else {
+        this.click(group, event);
+      }
+    } catch (error) {
+      said.value = messageOf(error);
+    }
+  }
+
+  /** Does this after the clicks before. */
+  #then(act: () => Promise<void>): void {
+    this.#clicking = this.#clicking.then(act);
   }
 
   /** Picks a part in addition to others, and gets its details. */

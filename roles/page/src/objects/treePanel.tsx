@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { ObjectSet } from "../proto/objectSet.ts";
 import { messageOf } from "../service/errors.ts";
-import type { Part } from "../service/service.ts";
+import type { Part, PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { hide, show, visibility } from "./actions.ts";
 import { goTo } from "./commands.ts";
@@ -37,21 +37,37 @@ export function TreePanel(properties: Properties) {
 
 /** The parts of a group: some at first, more on request. */
 function Branch(properties: Properties & Place & { readonly group: number | undefined }) {
-  const { viewer, group, level, current } = properties;
+  const { viewer, selection, group, level, current } = properties;
   const parts = useSignal<readonly Part[]>([]);
   const total = useSignal(0);
   const list = useRef<HTMLUListElement>(null);
+  const isLoading = useRef(false);
   const more = async () => {
+    if (isLoading.current) {
+      return;
+    }
+    isLoading.current = true;
     try {
       const answer = await viewer.service.children(group, parts.value.length);
       parts.value = [...parts.value, ...answer.parts];
       total.value = answer.total;
     } catch (error) {
       viewer.said.value = messageOf(error);
+    } finally {
+      isLoading.current = false;
     }
   };
   // Once, when the branch opens.
   useEffect(() => void more(), []);
+  const chain = chainOf(selection.located.value);
+  const wanted = level === 1 || chain[level - 2] === `group${group}` ? chain[level - 1] : undefined;
+  // The row of a located part may be far down.
+  useEffect(() => {
+    const { length } = parts.value;
+    if (wanted !== undefined && length > 0 && length < total.value && !parts.value.some(isCalled(wanted))) {
+      void more();
+    }
+  }, [wanted, parts.value]);
   /** The first of the new rows replaces the row that requested them. */
   const goOn = async () => {
     const shown = parts.value.length;
@@ -99,7 +115,18 @@ function Row({
   isCurrent,
 }: Properties & Place & { readonly part: Part; readonly isCurrent: boolean }) {
   const isOpen = useSignal(false);
+  const item = useRef<HTMLLIElement>(null);
   const isGroup = part.kind === "group";
+  const located = selection.located.value;
+  useEffect(() => {
+    const chain = chainOf(located);
+    if (chain.at(-1) === keyOf(part)) {
+      selection.located.value = undefined;
+      focusRow(item.current);
+    } else if (chain.includes(keyOf(part))) {
+      isOpen.value = true;
+    }
+  }, [located]);
   const objects = ObjectSet.run(part.first, part.end);
   const drawn = visibility(viewer.view.current.value, objects);
   const name = nameOf(part);
@@ -133,6 +160,7 @@ function Row({
   };
   return (
     <li
+      ref={item}
       role="treeitem"
       aria-level={level}
       aria-label={name}
@@ -182,8 +210,17 @@ function Row({
   );
 }
 
-function keyOf({ kind, id }: Part): string {
+function keyOf({ kind, id }: Pick<Part, "kind" | "id">): string {
   return `${kind}${id}`;
+}
+
+function isCalled(key: string): (part: Part) => boolean {
+  return (part) => keyOf(part) === key;
+}
+
+/** The keys of the rows that lead to a part, and of its own row, from the outermost. */
+function chainOf(part: PartDetails | undefined): readonly string[] {
+  return part === undefined ? [] : [...part.path, part].map(keyOf);
 }
 
 /** Moves to another row, by the usual keys of trees. */

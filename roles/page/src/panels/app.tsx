@@ -6,10 +6,13 @@ import { useEffect, useMemo } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { Panel } from "../controls/panel.tsx";
 import { NavigationBar } from "../navigate/bar.tsx";
+import { Hint } from "../navigate/hint.tsx";
+import { Orientation } from "../navigate/orientation.tsx";
+import { STANDARD_VIEWS, type StandardView } from "../navigate/standardViews.ts";
 import { TouchPad } from "../navigate/touchPad.tsx";
 import { isForControl } from "../navigate/typing.ts";
 import { told } from "../objects/actions.ts";
-import { type Command, commandsOf, keyOf } from "../objects/commands.ts";
+import { type Command, commandsOf, keyOf, lookFrom, navigationCommandsOf } from "../objects/commands.ts";
 import { DetailsPanel } from "../objects/detailsPanel.tsx";
 import { SearchBox } from "../objects/searchBox.tsx";
 import { Selection } from "../objects/selection.ts";
@@ -53,7 +56,6 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       return measuring.isOn.peek();
     });
   }, [viewer, measuring]);
-  const commands = useMemo(() => commandsOf(viewer, selection, measuring), [viewer]);
   const open = useSignal<PanelName | undefined>(undefined);
   const toggle = (panel: PanelName) => {
     open.value = open.value === panel ? undefined : panel;
@@ -61,6 +63,16 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       measuring.toggle();
     }
   };
+  const commands = useMemo(() => {
+    const openTree = () => {
+      if (open.peek() !== "Model") {
+        toggle("Model");
+      }
+    };
+    return commandsOf(viewer, selection, measuring, openTree);
+  }, [viewer]);
+  const moves = useMemo(() => navigationCommandsOf(viewer), [viewer]);
+  const look = (view: StandardView) => lookFrom(viewer, selection, view);
   const close = (panel: PanelName | undefined) => {
     if (panel !== undefined) {
       toggle(panel);
@@ -87,9 +99,14 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         return;
       }
       const key = keyOf(event);
-      const command = commands.find((command) => command.key === key);
+      const command = [...commands, ...moves].find((command) => command.key === key);
+      const standard = STANDARD_VIEWS.find((view) => view.key === key);
       if (key === "Escape") {
         stepBack();
+      } else if (key === "K") {
+        selection.nextLevel();
+      } else if (standard !== undefined) {
+        look(standard);
       } else if (isPanelKey(key)) {
         event.preventDefault();
         toggle(PANEL_KEYS[key]);
@@ -130,12 +147,14 @@ function App({ viewer }: { readonly viewer: Viewer }) {
           </Panel>
         )}
       </div>
+      <Orientation viewer={viewer} look={look} commands={moves} views={STANDARD_VIEWS} />
       <DetailsPanel selection={selection} />
       <div class="bottom">
+        <Hint viewer={viewer} />
         <Messages viewer={viewer} />
         <TouchPad navigator={viewer.navigator} />
         <ViewBar viewer={viewer} commands={commands} />
-        <NavigationBar navigator={viewer.navigator} />
+        <NavigationBar navigator={viewer.navigator} selection={selection} />
       </div>
     </>
   );
@@ -147,8 +166,8 @@ function isPanelKey(key: string): key is keyof typeof PANEL_KEYS {
 
 /** The actions on objects, shown if something is picked or already changed. */
 function ViewBar({ viewer, commands }: { readonly viewer: Viewer; readonly commands: readonly Command[] }) {
-  const changed = told(viewer.view.current.value);
-  const { canUndo, canRedo } = viewer.view;
+  const { canUndo, canRedo, current, modelSeeThrough } = viewer.view;
+  const changed = told(current.value, viewer.scene.objects, modelSeeThrough);
   if (viewer.selected.value.isEmpty && changed === "" && !canUndo.value && !canRedo.value) {
     return null;
   }
@@ -164,8 +183,15 @@ function ViewBar({ viewer, commands }: { readonly viewer: Viewer; readonly comma
           }}
         />
       )}
-      {commands.map(({ label, key, run, isPossible }) => (
-        <Button text={label} key={label} title={`${label} (${key})`} disabled={!isPossible()} onClick={run} />
+      {commands.map(({ label, key, run, isPossible, isOn }) => (
+        <Button
+          text={label}
+          key={label}
+          title={`${label} (${key})`}
+          disabled={!isPossible()}
+          aria-pressed={isOn?.()}
+          onClick={run}
+        />
       ))}
       {changed && <span>{changed}</span>}
     </fieldset>

@@ -100,6 +100,11 @@ export class ObjectSet {
     return other.minus(this).isEmpty;
   }
 
+  /** Whether both have the same objects. */
+  equals(other: ObjectSet | undefined): boolean {
+    return other !== undefined && this.covers(other) && other.covers(this);
+  }
+
   /** Visits the places where one of two sets begins or ends. */
   #combine(other: ObjectSet, isIn: (here: boolean, there: boolean) => boolean): ObjectSet {
     const edges = [this, other].flatMap((set) => set.runs.flatMap(({ first, end }) => [first, end]));

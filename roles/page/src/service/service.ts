@@ -28,6 +28,17 @@ export interface SceneDescription extends Box {
   readonly meeting: string;
   /** Networks that can be simulated between the page and its culler. */
   readonly networks: readonly { readonly name: string; readonly about: string }[];
+  /** How many named groups an object is in, at most: without its file. */
+  readonly groupLevels: number;
+}
+
+/** The service's answer while it cooks the model. */
+export interface Cooking {
+  /** Its stage, in a word. */
+  readonly stage: string;
+  readonly done: number;
+  /** Zero if it is not known. */
+  readonly total: number;
 }
 
 /** A part of the model's hierarchy: a group of objects, or an object. */
@@ -140,6 +151,13 @@ export function called({ number, name }: Pick<Person, "number" | "name">): strin
 /** How often the page retries while the service is busy. */
 const MOST_TRIES = 5;
 
+/** The status by which the service says that it still cooks the model. */
+const COOKING = 202;
+/** Milliseconds between two questions for its progress. */
+const COOKING_PERIOD = 250;
+/** How often the service may give no answer after that: it loads the scene. */
+const MOST_LOST = 240;
+
 /** The service has answered with a refusal. */
 export class RefusedError extends Error {}
 
@@ -170,6 +188,28 @@ export class Service {
 
   scene(): Promise<SceneDescription> {
     return this.#json("scene", {});
+  }
+
+  /** The scene, once its model is cooked. Until then `onCooking` gets the progress. */
+  async cooked(onCooking: (cooking: Cooking) => void): Promise<SceneDescription> {
+    let lost = 0;
+    for (let isCooking = false; ; ) {
+      try {
+        const answer = await this.#ask("scene", {});
+        if (answer.status !== COOKING) {
+          return (await answer.json()) as SceneDescription;
+        }
+        [isCooking, lost] = [true, 0];
+        onCooking((await answer.json()) as Cooking);
+      } catch (error) {
+        // A service that has cooked its model opens anew.
+        lost += 1;
+        if (!isCooking || error instanceof RefusedError || lost === MOST_LOST) {
+          throw error;
+        }
+      }
+      await new Promise((resolve) => setTimeout(resolve, COOKING_PERIOD));
+    }
   }
 
   details({ kind, id }: Pick<Part, "kind" | "id">): Promise<PartDetails> {

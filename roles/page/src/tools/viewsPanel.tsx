@@ -172,10 +172,7 @@ export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
 
 /** Moves to a viewpoint of this scene. Its changes can be undone in one step. */
 export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
-  const { eye, forward, vfovDeg, mode } = viewpoint;
-  navigator.setMode(mode);
-  navigator.setVfov(vfovDeg);
-  navigator.goTo(eye, forward);
+  navigator.jumpTo(viewpoint);
   view.change(viewpoint.view);
 }
 

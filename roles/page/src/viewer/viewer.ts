@@ -7,6 +7,7 @@ import { Projection } from "../draw/projection.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
 import { orientationOf } from "../navigate/gaze.ts";
 import { Navigator } from "../navigate/navigator.ts";
+import { hasGhosts } from "../objects/actions.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
@@ -295,7 +296,8 @@ export class Viewer {
     const own = this.view.current.peek();
     const sections = led?.sections ?? own.sections;
     const seeThrough = led ? (led.seeThrough ?? this.#modelSeeThrough) : own.seeThrough;
-    return { sections, seeThrough, highlighted: this.selected.peek() };
+    const areGhosts = hasGhosts({ ...own, seeThrough }, this.scene.objects, this.#modelSeeThrough);
+    return { sections, seeThrough, areGhosts, highlighted: this.selected.peek() };
   }
 
   /** The settings of a session. */
