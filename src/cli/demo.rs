@@ -1,5 +1,6 @@
 //! `trimaran demo`: generates a model, walks through it and writes a report.
 
+use trimaran::page::Preparation;
 use trimaran_cook::CookOptions;
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_gpu::GpuOptions;
@@ -20,7 +21,12 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
             let output = args.out.join("plant.scene");
             output::check(&output, &output::SCENE, &[]).map_err(Failure::bad_input)?;
             println!("generating a plant of 4 thousand objects and cooking it into {}", output.display());
-            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &CookOptions::default(), &output)?;
+            cooking::cook_and_save(
+                &plant(&PlantOptions::small(1)),
+                &CookOptions::default(),
+                &output,
+                &Preparation::default(),
+            )?;
             output
         }
     };

@@ -1,6 +1,7 @@
 //! `trimaran generate`: models of any size for machines without data.
 
 use serde_json::json;
+use trimaran::page::Preparation;
 use trimaran_cook::{
     CookOptions, Model,
     generate::{PlantOptions, TankerOptions, plant, tanker},
@@ -19,7 +20,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let model = generate(args);
     // Any size may be asked for.
     let options = CookOptions { max_nodes: usize::MAX, ..CookOptions::default() };
-    let scene = cooking::cook_and_save(&model, &options, &args.output)?;
+    let scene = cooking::cook_and_save(&model, &options, &args.output, &Preparation::default())?;
     let summary = SceneSummary::of(&args.output, &scene);
     if args.json {
         return print_json(&json!({ "scene": summary }));

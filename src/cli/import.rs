@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use serde_json::json;
+use trimaran::page::Preparation;
 use trimaran_cook::CookOptions;
 use trimaran_cook::import::{
     ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, Warning, import,
@@ -17,13 +18,18 @@ use super::{
     terminal::word,
 };
 
+/// The first stage.
+pub(super) const READING: &str = "reading";
+
 pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     output::check(&args.output, &output::SCENE, &args.files).map_err(Failure::bad_input)?;
-    let imported = read(&args.files, &args.reading)?;
+    let preparation = Preparation::default();
+    let imported = read(&args.files, &args.reading, &preparation)?;
     if !args.json {
         print_report(&imported.report);
     }
-    let scene = cooking::cook_and_save(&imported.model, &args.reading.cook_options(), &args.output)?;
+    let scene =
+        cooking::cook_and_save(&imported.model, &args.reading.cook_options(), &args.output, &preparation)?;
     let summary = SceneSummary::of(&args.output, &scene);
     if args.json {
         return print_json(&json!({ "import": report_json(&imported.report), "scene": summary }));
@@ -32,10 +38,19 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads the files of a model, with a progress bar. With `--strict` a warning is an error.
-pub(super) fn read(files: &[PathBuf], reading: &ReadingArgs) -> Result<Imported, Failure> {
-    let bar = progress::bar("reading", files.len() as u64);
-    let read = &mut |progress: Progress<'_>| bar.set_position(progress.files_done as u64);
+/// Reads the files of a model, with a progress bar, and the progress in `preparation` as well. With `--strict` a
+/// warning is an error.
+pub(super) fn read(
+    files: &[PathBuf],
+    reading: &ReadingArgs,
+    preparation: &Preparation,
+) -> Result<Imported, Failure> {
+    let bar = progress::bar(READING, files.len() as u64);
+    preparation.begin(READING, files.len());
+    let read = &mut |progress: Progress<'_>| {
+        bar.set_position(progress.files_done as u64);
+        preparation.advance(1);
+    };
     let imported = import(files, &reading.import_options(), read).and_then(Imported::with_objects);
     let imported = imported.map_err(Failure::bad_input)?;
     bar.finish_and_clear();

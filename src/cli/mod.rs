@@ -31,6 +31,7 @@ mod man;
 mod netem;
 mod output;
 mod ping;
+mod preparing;
 mod processes;
 mod progress;
 mod reconfigure;

@@ -1,6 +1,7 @@
 //! `trimaran view`: opens the files of a model as a page in a browser, without further choices.
 
 use std::{
+    cell::LazyCell,
     fmt::Display,
     fs,
     io::Write as _,
@@ -11,7 +12,7 @@ use bytesize::ByteSize;
 use tempfile::TempDir;
 use trimaran::{
     config::options,
-    page::{DriveReport, Proxies, WrongPixels, model_name},
+    page::{DriveReport, Preparation, Proxies, WrongPixels, model_name},
     scene_cache::{CacheError, CachedScene},
 };
 use trimaran_scene::{Scene, path::PosePath};
@@ -24,6 +25,7 @@ use super::{
     browser, cooking,
     import::{print_report, read},
     log::SAID,
+    preparing::{Opened, Preparing},
     print_json, printed,
     serve::Service,
     terminal::stdout,
@@ -38,7 +40,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
                 "--drive holds pictures against the whole scene: give its file in the service's place",
             )),
             Some(url) => super::window::run_service(args, url),
-            None => super::window::run(args, &scene(args)?.path(), drive),
+            None => super::window::run(args, &scene(args, Preparation::default)?.path(), drive),
         };
     }
     #[cfg(not(feature = "window"))]
@@ -49,23 +51,39 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         return Err(Failure::bad_input(format!("open {url} in a browser, or add --window")));
     }
     let drive = drive.map(|path| path.to_json().into_bytes());
-    let shown = scene(args)?;
-    let scene = shown.path();
     let address = Address::of(&args.files);
+    let options = options(&[], toml::Table::new()).map_err(Failure::bad_input)?;
+    let mut preparing = None;
+    let shown = scene(args, || {
+        // A walk's times are those of a page that has its model.
+        if args.drive.is_none() {
+            preparing = Preparing::begin(&address, &options.ws, !args.no_browser);
+        }
+        preparing.as_ref().map(Preparing::preparation).unwrap_or_default()
+    });
+    if let (Err(why), Some(preparing)) = (&shown, &preparing) {
+        preparing.fail(why);
+    }
+    let shown = shown?;
+    let scene = shown.path();
+    let (listen, tokens, mut opened) = match preparing.map(Preparing::end) {
+        Some(Opened { listen, token, redirect }) => (listen, TokenSource::Given(token), redirect),
+        None => (address.listen(), TokenSource::KeptFor(&address), None),
+    };
     let service = Service {
         scene: &scene,
         name: model_name(&args.files),
-        listen: address.listen(),
-        tokens: TokenSource::KeptFor(&address),
+        listen,
+        tokens,
         tls: None,
         proxies: Proxies::default(),
         metrics: None,
         device: &args.device,
         guests: args.guests,
-        options: options(&[], toml::Table::new()).map_err(Failure::bad_input)?,
+        options,
         drive,
     };
-    let (is_driven, mut opened) = (args.drive.is_some(), None);
+    let is_driven = args.drive.is_some();
     let report = service.run(|url| {
         #[cfg(feature = "lab")]
         let network = args.network.as_deref();
@@ -82,7 +100,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         } else {
             printed(writeln!(stdout(), "{url}"))?;
         }
-        if !args.no_browser {
+        if !args.no_browser && opened.is_none() {
             match browser::open(&url) {
                 // The file stays: a browser may take its time to read it.
                 Ok(file) => opened = Some(file),
@@ -175,8 +193,8 @@ pub(super) fn lasting(wrong: &WrongPixels) -> String {
     format!("for so long     above 0.1 % for {longest_ms:.0} ms; after a jump for {jump_ms:.0} ms")
 }
 
-/// The scene to show: the one given, or that of the files, cooked if necessary.
-fn scene(args: &ViewArgs) -> Result<Shown, Failure> {
+/// The scene to show: the one given, or that of the files, cooked if necessary. `begin` is called before that.
+fn scene(args: &ViewArgs, begin: impl FnOnce() -> Preparation) -> Result<Shown, Failure> {
     if let [scene] = &args.files[..]
         && is_cooked(scene)
     {
@@ -186,7 +204,7 @@ fn scene(args: &ViewArgs) -> Result<Shown, Failure> {
         let why = format!("{} is a cooked scene: it is viewed alone, without other files", scene.display());
         return Err(Failure::bad_input(why));
     }
-    Shown::cooked(args)
+    Shown::cooked(args, begin)
 }
 
 /// The scene to show.
@@ -200,11 +218,12 @@ pub(super) enum Shown {
 }
 
 impl Shown {
-    fn cooked(args: &ViewArgs) -> Result<Self, Failure> {
+    fn cooked(args: &ViewArgs, begin: impl FnOnce() -> Preparation) -> Result<Self, Failure> {
+        let preparation = LazyCell::new(begin);
         let cook = |path: &Path| {
-            let imported = read(&args.files, &args.reading)?;
+            let imported = read(&args.files, &args.reading, &preparation)?;
             print_report(&imported.report);
-            cooking::cook_and_save(&imported.model, &args.reading.cook_options(), path)?;
+            cooking::cook_and_save(&imported.model, &args.reading.cook_options(), path, &preparation)?;
             Ok::<_, Failure>(imported.report.looked_for)
         };
         let once = |why: &dyn Display| {

@@ -9,6 +9,7 @@ mod drive;
 mod network;
 mod parts;
 mod people;
+mod preparation;
 mod proxies;
 mod questions;
 mod server;
@@ -22,6 +23,7 @@ mod warnings;
 
 pub use description::{SceneDescription, model_name};
 pub use drive::{Drive, DriveReport, Moment, WrongPixels};
+pub use preparation::Preparation;
 pub use proxies::{Proxies, ProxyNetwork, ProxyNetworkError};
 pub use server::{PageError, PageOptions, Pages};
 pub use tls::{Tls, TlsError, TlsFiles};

@@ -92,6 +92,17 @@ impl Parts {
         Ok(Self { scene, hierarchy, groups })
     }
 
+    /// How many named groups an object is in, at most. The file, its outermost group, does not count.
+    pub(super) fn levels(&self) -> usize {
+        // Each group stands behind its parent.
+        let mut levels: Vec<usize> = Vec::with_capacity(self.hierarchy.groups.len());
+        for group in &self.hierarchy.groups {
+            let above = group.parent.map(|parent| levels.get(parent as usize).copied().unwrap_or_default());
+            levels.push(above.map_or(0, |above| above + usize::from(!group.name.is_empty())));
+        }
+        levels.into_iter().max().unwrap_or_default()
+    }
+
     /// The details of a part; `None` if it does not exist.
     pub(super) fn details(&self, id: PartId) -> Option<Details> {
         let part = self.part(id)?;
@@ -350,6 +361,29 @@ mod tests {
         assert_eq!(ids(&parts.children(Some(0), 2).unwrap())[..2], first[2..4]);
         assert_eq!(ids(&parts.children(Some(2), 0).unwrap()), [("object", 2), ("object", 3)]);
         assert_eq!(parts.children(Some(4), 0), None);
+    }
+
+    /// Groups without a name are no level, and neither is the file.
+    #[test]
+    fn levels_are_named_groups() {
+        let mut model: Model = plant(&PlantOptions::small(7));
+        let count = model.objects.len() as u32;
+        let group = |name: &str, parent| Group {
+            name: name.into(),
+            parent,
+            objects: 0..count,
+            attributes: Vec::new(),
+            extent: Extent::default(),
+        };
+        let mut levels = |groups| {
+            model.hierarchy.groups = groups;
+            Parts::new(Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())).unwrap().levels()
+        };
+        assert_eq!(levels(vec![group("plant.RVM", None)]), 0);
+        let named = [group("plant.RVM", None), group("/ZONE", Some(0)), group("/PIPE", Some(1))];
+        assert_eq!(levels(named.to_vec()), 2);
+        assert_eq!(levels(vec![named[0].clone(), group("", Some(0)), named[2].clone()]), 1);
+        assert_eq!(parts().levels(), 2);
     }
 
     #[test]

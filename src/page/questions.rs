@@ -83,6 +83,11 @@ impl Answers {
         })
     }
 
+    /// How many named groups an object is in, at most.
+    pub(super) fn group_levels(&self) -> usize {
+        self.parts.levels()
+    }
+
     /// The answer, if it is cached.
     pub(super) fn known(&self, question: &Question) -> Option<Response<Body>> {
         match question {

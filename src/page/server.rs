@@ -18,7 +18,7 @@ use hyper::{
     upgrade::OnUpgrade,
 };
 use hyper_util::rt::{TokioIo, TokioTimer};
-use serde::de::DeserializeOwned;
+use serde::{Serialize, de::DeserializeOwned};
 use thiserror::Error;
 use tokio::{io::join, sync::mpsc};
 use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer};
@@ -111,6 +111,16 @@ struct Inner {
     tcp: TcpOptions,
 }
 
+/// A scene's description, with that of its hierarchy.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Described<'d> {
+    #[serde(flatten)]
+    scene: &'d SceneDescription,
+    /// How many named groups an object is in, at most: without its file.
+    group_levels: usize,
+}
+
 /// A person's own token takes its place in the address.
 const OWN_TOKEN: &str = "TOKEN";
 
@@ -130,7 +140,8 @@ impl Pages {
         }
         let answers = Arc::new(Answers::new(scene, description.eye_height)?);
         let answering = Answering::start(&answers).map_err(PageError::Thread)?;
-        let scene = serde_json::to_vec(description)?.into();
+        let described = Described { scene: description, group_levels: answers.group_levels() };
+        let scene = serde_json::to_vec(&described)?.into();
         let PageOptions { tokens, tls, proxies, ws, tcp } = options;
         let shown = match &tokens {
             Tokens::One(token) => token.as_str(),
@@ -448,11 +459,14 @@ impl Pages {
         }
     }
 
-    /// The grant of the token with which the query begins: `?token=...`.
     fn grant(&self, request: &Request<Incoming>) -> Option<Grant> {
-        let first = request.uri().query()?.split('&').next()?;
-        self.0.access.grant(first.strip_prefix("token=")?)
+        self.0.access.grant(token_in(request)?)
     }
+}
+
+/// The token with which the query begins: `?token=...`.
+pub(super) fn token_in(request: &Request<Incoming>) -> Option<&str> {
+    request.uri().query()?.split('&').next()?.strip_prefix("token=")
 }
 
 /// Logs that a person has opened the page.
@@ -498,7 +512,7 @@ fn refused(fault: &NetworkError) -> Response<Body> {
 }
 
 /// A page opened under an unknown host name may not connect, so it is not shown at all.
-fn unknown_name(origin: &str) -> Response<Body> {
+pub(super) fn unknown_name(origin: &str) -> Response<Body> {
     let text = format!(
         "This service does not know the name by which it was opened. Open it by its IP address, or let \
          whoever starts it allow the name: TRIMARAN_WS_ALLOW_ORIGINS={origin}\n"
@@ -508,11 +522,11 @@ fn unknown_name(origin: &str) -> Response<Body> {
     response
 }
 
-fn nothing_here() -> Response<Body> {
+pub(super) fn nothing_here() -> Response<Body> {
     plain(StatusCode::NOT_FOUND, "there is nothing here\n")
 }
 
-fn wrong_token() -> Response<Body> {
+pub(super) fn wrong_token() -> Response<Body> {
     plain(StatusCode::FORBIDDEN, "the token in the address is not valid, or not any more\n")
 }
 

@@ -142,6 +142,11 @@ impl Browser {
         Self::with(&[&width.to_string(), &height.to_string(), "touch"])
     }
 
+    /// The same, for a person who has not asked for less motion: a page begins with a flight.
+    pub(crate) fn with_motion(width: u32, height: u32) -> Option<Self> {
+        Self::with(&[&width.to_string(), &height.to_string(), "motion"])
+    }
+
     /// The same, with these flags of Chromium.
     pub(crate) fn with_flags(flags: &[&str]) -> Option<Self> {
         Self::with(&[&["300", "300"][..], flags].concat())

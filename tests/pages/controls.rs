@@ -6,7 +6,7 @@ use crate::common::page::{Browser, Service, TOKEN};
 use crate::common::program::Bench;
 
 /// Boxes as a model: the corners of each.
-fn boxes(all: &[([f64; 3], [f64; 3])]) -> String {
+pub(super) fn boxes(all: &[([f64; 3], [f64; 3])]) -> String {
     use std::fmt::Write as _;
     let mut obj = String::new();
     for (number, (min, max)) in all.iter().enumerate() {
@@ -26,7 +26,11 @@ fn boxes(all: &[([f64; 3], [f64; 3])]) -> String {
 }
 
 /// A service of some boxes, and a browser that shows them.
-fn opened(bench: &Bench, all: &[([f64; 3], [f64; 3])], size: [u32; 2]) -> Option<(Service, Browser)> {
+pub(super) fn opened(
+    bench: &Bench,
+    all: &[([f64; 3], [f64; 3])],
+    size: [u32; 2],
+) -> Option<(Service, Browser)> {
     bench.write("boxes.obj", boxes(all));
     bench.done(&["import", "boxes.obj", "-o", "boxes.scene"]);
     let service = Service::of(bench, "boxes.scene", "127.0.0.1:0")?;
@@ -37,7 +41,7 @@ fn opened(bench: &Bench, all: &[([f64; 3], [f64; 3])], size: [u32; 2]) -> Option
 }
 
 /// The page's state, once its picture is exact.
-fn look(browser: &mut Browser) -> Value {
+pub(super) fn look(browser: &mut Browser) -> Value {
     browser.done(json!({ "do": "settle" }));
     state(browser)
 }
@@ -47,7 +51,7 @@ pub(super) fn state(browser: &mut Browser) -> Value {
 }
 
 /// Waits until the page's state satisfies `is_it`.
-fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) -> Value {
+pub(super) fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) -> Value {
     for _ in 0..600 {
         let now = state(browser);
         if is_it(&now) {
@@ -66,12 +70,12 @@ pub(super) fn goes(browser: &mut Browser, act: impl FnOnce(&mut Browser)) -> Val
     look(browser)
 }
 
-fn press(browser: &mut Browser, key: &str) {
+pub(super) fn press(browser: &mut Browser, key: &str) {
     browser.done(json!({ "do": "press", "key": key }));
 }
 
 /// The page's message, once it satisfies `is_it`.
-fn said(browser: &mut Browser, is_it: impl Fn(&str) -> bool) -> String {
+pub(super) fn said(browser: &mut Browser, is_it: impl Fn(&str) -> bool) -> String {
     for _ in 0..1200 {
         let status = browser.tell(json!({ "do": "status" }))["answer"].take();
         let status = status.as_str().unwrap_or_default();
@@ -83,15 +87,15 @@ fn said(browser: &mut Browser, is_it: impl Fn(&str) -> bool) -> String {
     panic!("the page never says it: {}", browser.tell(json!({ "do": "status" })))
 }
 
-fn numbers(value: &Value) -> Vec<f64> {
+pub(super) fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
 }
 
-fn number(value: &Value) -> f64 {
+pub(super) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
 }
 
-const ROOM: [([f64; 3], [f64; 3]); 3] = [
+pub(super) const ROOM: [([f64; 3], [f64; 3]); 3] = [
     ([-10.0, -0.2, -10.0], [10.0, 0.0, 10.0]),
     ([-3.0, 0.0, -4.0], [-2.0, 1.0, -3.0]),
     ([2.0, 0.0, -4.0], [3.0, 1.0, -3.0]),

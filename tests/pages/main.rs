@@ -8,8 +8,10 @@ mod common;
 mod access;
 mod controls;
 mod hard_cases;
+mod overview;
 mod service;
 mod tools;
 mod walking;
+mod whole_things;
 #[cfg(feature = "window")]
 mod window;

@@ -293,7 +293,7 @@ fn what_cannot_be_viewed_is_named() {
         (&["tank.obj", "plant.scene"], "plant.scene is a cooked scene: it is viewed alone"),
         (&["tank.obj", "--max-triangles", "1"], "tank"),
     ] {
-        let output = view(&bench, args).output().unwrap();
+        let output = view(&bench, &[args, &["--no-browser"]].concat()).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.code() == Some(2) && said.contains(expected), "{args:?}: {said}");
     }

@@ -2,11 +2,11 @@
 
 import "./page.css";
 import { drive } from "./drive/drive.ts";
-import { flyDown, isMotionReduced } from "./navigate/overview.ts";
 import { showPanels } from "./panels/app.tsx";
 import { showCooking } from "./panels/cooking.tsx";
 import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
+import { flyDown, isMotionReduced } from "./tools/overview.ts";
 import { followLink } from "./tools/viewsPanel.tsx";
 import { OTHER_SCENE, Viewer } from "./viewer/viewer.ts";
 

@@ -11,6 +11,7 @@ import type { Viewer } from "../src/viewer/viewer.ts";
 declare global {
   interface Window {
     trimaran?: Viewer;
+    eyes?: Point[];
   }
 }
 
@@ -39,6 +40,9 @@ const page = await browser.newPage({
   isMobile: isTouch,
   reducedMotion: hasMotion ? "no-preference" : "reduce",
 });
+if (hasMotion) {
+  await page.addInitScript(recordEyes);
+}
 await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
 const faults: string[] = [];
 page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
@@ -111,8 +115,11 @@ const ACTIONS = {
   file: ({ selector, name, text }: Chosen & Name & { text: string }) =>
     page.locator(selector).setInputFiles({ name, mimeType: "application/json", buffer: Buffer.from(text) }),
   choose: ({ label, value }: { label: string; value: string }) => page.getByLabel(label).selectOption(value),
-  /** Clicks a face of the cube that shows the orientation. */
-  face: ({ name }: Name) => page.locator(".cube g", { hasText: name }).locator("text").click(),
+  /** Clicks the face of this name on the cube that shows the orientation. */
+  async face({ name }: Name) {
+    const [place] = await page.evaluate(rects, `.cube [data-name=${name}]`);
+    await (place && page.mouse.click(place.x, place.y));
+  },
   /** Resets the eye, the sections and the error bound. */
   home: () =>
     page.evaluate(() => {
@@ -202,6 +209,10 @@ const QUESTIONS = {
         return around !== undefined && top >= around.top - 1 && bottom <= around.bottom + 1;
       });
     }, chosen),
+  /** The middles and the sizes of these elements, CSS pixels. */
+  rects: ({ selector }: Chosen) => page.evaluate(rects, selector),
+  /** The eye in each picture since the page began. Only with `motion`. */
+  eyes: () => page.evaluate(() => window.eyes),
   clipboard: () => page.evaluate(() => navigator.clipboard.readText()),
   look: () => page.evaluate(look),
   status: () => page.evaluate(() => document.querySelector("#status")?.textContent ?? ""),
@@ -258,6 +269,27 @@ function memory(): Record<string, number> {
   const { usedJSHeapSize } = (performance as unknown as { memory: { usedJSHeapSize: number } }).memory;
   const geometry = window.trimaran?.renderer.bytes ?? 0;
   return { scripts: usedJSHeapSize, geometry, elements: document.querySelectorAll("*").length };
+}
+
+/** Runs in the page, before its own scripts. */
+function recordEyes(): void {
+  const eyes: Point[] = [];
+  window.eyes = eyes;
+  const note = () => {
+    if (window.trimaran !== undefined) {
+      eyes.push(window.trimaran.navigator.eye);
+    }
+    requestAnimationFrame(note);
+  };
+  note();
+}
+
+/** Runs in the page. */
+function rects(selector: string): { x: number; y: number; width: number; height: number }[] {
+  return [...document.querySelectorAll(selector)].map((one) => {
+    const { left, top, width, height } = one.getBoundingClientRect();
+    return { x: left + width / 2, y: top + height / 2, width, height };
+  });
 }
 
 /** Runs in the page. */

@@ -1,10 +1,9 @@
 /** Controls of navigation: the mode, the speed, the field of view, and help on keys. */
 
+import type { ComponentChildren } from "preact";
 import { useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
-import { Choice } from "../controls/choice.tsx";
 import { type Row, Rows } from "../controls/rows.tsx";
-import type { Selection } from "../objects/selection.ts";
 import type { Mode, Navigator } from "./navigator.ts";
 
 const MODES: readonly (readonly [Mode, string, string])[] = [
@@ -45,10 +44,11 @@ const HELP: readonly Row[] = [
 
 export function NavigationBar({
   navigator,
-  selection,
+  children,
 }: {
   readonly navigator: Navigator;
-  readonly selection: Selection;
+  /** Other controls of this bar. */
+  readonly children: ComponentChildren;
 }) {
   const help = useRef<HTMLDialogElement>(null);
   const showHelp = () => {
@@ -79,14 +79,7 @@ export function NavigationBar({
           onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
         />
       </label>
-      {selection.levels.length > 1 && (
-        <Choice
-          label="Picks"
-          options={selection.levels.map((level) => ({ value: level, text: level }))}
-          value={selection.level.value}
-          onChoose={(level) => selection.setLevel(level)}
-        />
-      )}
+      {children}
       <Button text="?" aria-label="Keys" onClick={showHelp} />
       <dialog ref={help} aria-label="Keys">
         <Rows rows={HELP} />

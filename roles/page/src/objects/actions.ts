@@ -1,7 +1,7 @@
 /** A person's actions on objects, as changes of a view. */
 
 import { ObjectSet } from "../proto/objectSet.ts";
-import type { SeenView, UserView } from "../viewer/viewHistory.ts";
+import { hasGhosts, type UserView } from "../viewer/viewHistory.ts";
 
 /** A change of the view. */
 export type Change = Partial<UserView>;
@@ -31,11 +31,6 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
 /** All other objects are ghosts: see-through. Objects that the model has see-through stay so. */
 export function ghostRest(solid: ObjectSet, objectCount: number, modelSeeThrough = ObjectSet.EMPTY): Change {
   return { seeThrough: ObjectSet.run(0, objectCount).minus(solid.minus(modelSeeThrough)) };
-}
-
-/** Whether the picture is one of ghosts: more than half of all objects are see-through, beyond the model's. */
-export function hasGhosts({ seeThrough }: SeenView, objectCount: number, model = ObjectSet.EMPTY): boolean {
-  return 2 * seeThrough.size > objectCount && !model.covers(seeThrough);
 }
 
 /** Draws all objects as in the model, without sections. */

@@ -1,14 +1,15 @@
 /** The commands of objects, for buttons and keys alike. */
 
-import type { NavigationCommand } from "../navigate/orientation.tsx";
-import { seeAll } from "../navigate/overview.ts";
 import type { StandardView } from "../navigate/standardViews.ts";
 import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
 import { around } from "../space/box.ts";
 import type { Measuring } from "../tools/measuring.ts";
+import type { NavigationCommand } from "../tools/orientation.tsx";
+import { seeAll } from "../tools/overview.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { type Change, ghostRest, hasGhosts, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
+import { hasGhosts } from "../viewer/viewHistory.ts";
+import { type Change, ghostRest, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
 import { tellIfHidden } from "./reveal.ts";
 import type { Selection } from "./selection.ts";
 
@@ -134,14 +135,14 @@ export function navigationCommandsOf(viewer: Viewer): readonly NavigationCommand
   const isPossible = () => true;
   return [
     {
-      label: "Back",
+      label: "Previous place",
       sign: "←",
       key: "Alt+ArrowLeft",
       run: () => navigator.goBack(),
       isPossible: () => history.canGoBack.value,
     },
     {
-      label: "Forward",
+      label: "Next place",
       sign: "→",
       key: "Alt+ArrowRight",
       run: () => navigator.goBack(1),

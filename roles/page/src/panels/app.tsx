@@ -4,10 +4,9 @@ import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
+import { Choice } from "../controls/choice.tsx";
 import { Panel } from "../controls/panel.tsx";
 import { NavigationBar } from "../navigate/bar.tsx";
-import { Hint } from "../navigate/hint.tsx";
-import { Orientation } from "../navigate/orientation.tsx";
 import { STANDARD_VIEWS, type StandardView } from "../navigate/standardViews.ts";
 import { TouchPad } from "../navigate/touchPad.tsx";
 import { isForControl } from "../navigate/typing.ts";
@@ -20,12 +19,14 @@ import { TreePanel } from "../objects/treePanel.tsx";
 import { MeasureOverlay } from "../tools/measureOverlay.tsx";
 import { MeasurePanel } from "../tools/measurePanel.tsx";
 import { Measuring } from "../tools/measuring.ts";
+import { Orientation } from "../tools/orientation.tsx";
 import { SectionsOverlay } from "../tools/sectionsOverlay.tsx";
 import { SectionsPanel } from "../tools/sectionsPanel.tsx";
 import { ViewsPanel } from "../tools/viewsPanel.tsx";
 import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { keepFocus } from "./focus.ts";
+import { Hint } from "./hint.tsx";
 import { Messages } from "./messages.tsx";
 import { StatusPanel } from "./statusPanel.tsx";
 
@@ -113,6 +114,9 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       } else if (command?.isPossible()) {
         event.preventDefault();
         command.run();
+      } else if (command !== undefined && event.altKey) {
+        // The browser would leave the page.
+        event.preventDefault();
       }
     };
     addEventListener("keydown", press);
@@ -154,7 +158,9 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         <Messages viewer={viewer} />
         <TouchPad navigator={viewer.navigator} />
         <ViewBar viewer={viewer} commands={commands} />
-        <NavigationBar navigator={viewer.navigator} selection={selection} />
+        <NavigationBar navigator={viewer.navigator}>
+          <LevelChoice selection={selection} />
+        </NavigationBar>
       </div>
     </>
   );
@@ -162,6 +168,18 @@ function App({ viewer }: { readonly viewer: Viewer }) {
 
 function isPanelKey(key: string): key is keyof typeof PANEL_KEYS {
   return key in PANEL_KEYS;
+}
+
+/** The level at which a click picks, if the model has several. */
+function LevelChoice({ selection }: { readonly selection: Selection }) {
+  return selection.levels.length === 1 ? null : (
+    <Choice
+      label="Picks"
+      options={selection.levels.map((level) => ({ value: level, text: level }))}
+      value={selection.level.value}
+      onChoose={(level) => selection.setLevel(level)}
+    />
+  );
 }
 
 /** The actions on objects, shown if something is picked or already changed. */

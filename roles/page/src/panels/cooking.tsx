@@ -9,7 +9,7 @@ export function showCooking(place: HTMLElement, { stage, done, total }: Cooking)
   render(
     <div class="panel cooking">
       <p id="status" role="status">
-        The model is being prepared, once: {stage}
+        The model is being prepared for the first time: {stage}
       </p>
       <progress max={total || undefined} value={total > 0 ? done : undefined} aria-label={stage} />
       <p>{total > 0 ? `${count(done)} of ${count(total)}` : " "}</p>

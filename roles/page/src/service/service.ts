@@ -204,9 +204,13 @@ export class Service {
       } catch (error) {
         // A service that has cooked its model opens anew.
         lost += 1;
-        if (!isCooking || error instanceof RefusedError || lost === MOST_LOST) {
+        if (!isCooking || error instanceof RefusedError) {
           throw error;
         }
+        if (lost === MOST_LOST) {
+          throw new Error("The service does not answer any more. Where it was started, it says why.");
+        }
+        onCooking({ stage: "loading", done: 0, total: 0 });
       }
       await new Promise((resolve) => setTimeout(resolve, COOKING_PERIOD));
     }

@@ -30,6 +30,15 @@ export const WHOLE: UserView = {
   distances: [],
 };
 
+/** Whether the picture is one of ghosts: at least half of all objects are see-through, beyond the model's. */
+export function hasGhosts(
+  { seeThrough }: Pick<SeenView, "seeThrough">,
+  objectCount: number,
+  model = ObjectSet.EMPTY,
+): boolean {
+  return 2 * seeThrough.size >= objectCount && !model.covers(seeThrough);
+}
+
 /** The most steps of undo. */
 const MOST = 100;
 

@@ -7,7 +7,6 @@ import { Projection } from "../draw/projection.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
 import { orientationOf } from "../navigate/gaze.ts";
 import { Navigator } from "../navigate/navigator.ts";
-import { hasGhosts } from "../objects/actions.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
@@ -18,7 +17,7 @@ import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
 import { type Size, sampling, widerBy, within } from "./sampling.ts";
 import { Session } from "./session.ts";
-import { type Distance, ViewHistory } from "./viewHistory.ts";
+import { type Distance, hasGhosts, ViewHistory } from "./viewHistory.ts";
 
 /**
  * The eye is predicted for the time when its set arrives, and in turn for somewhat earlier and later: it may
@@ -296,7 +295,7 @@ export class Viewer {
     const own = this.view.current.peek();
     const sections = led?.sections ?? own.sections;
     const seeThrough = led ? (led.seeThrough ?? this.#modelSeeThrough) : own.seeThrough;
-    const areGhosts = hasGhosts({ ...own, seeThrough }, this.scene.objects, this.#modelSeeThrough);
+    const areGhosts = hasGhosts({ seeThrough }, this.scene.objects, this.#modelSeeThrough);
     return { sections, seeThrough, areGhosts, highlighted: this.selected.peek() };
   }
 

@@ -2,10 +2,10 @@
 
 import { useSignal } from "@preact/signals";
 import { Button } from "../controls/button.tsx";
+import { SIDES, type StandardView } from "../navigate/standardViews.ts";
 import { dot, type Point } from "../space/point.ts";
-import { useProjection } from "../tools/useProjection.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { SIDES, type StandardView } from "./standardViews.ts";
+import { useProjection } from "./useProjection.ts";
 
 /** A command of navigation, as a button. */
 export interface NavigationCommand {
@@ -91,7 +91,7 @@ function Cube({ viewer, look }: Pick<Properties, "viewer" | "look">) {
           `${ox + right * xx + down * yx},${oy + right * xy + down * yy}`;
         return (
           // Keys and the buttons below do the same.
-          <g key={view.name} onPointerUp={() => look(view)}>
+          <g key={view.name} data-name={view.name} onPointerUp={() => look(view)}>
             <title>{`${view.name} (${view.key})`}</title>
             <polygon
               points={[corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)].join(" ")}

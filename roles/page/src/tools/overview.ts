@@ -1,7 +1,7 @@
 /** The start: an overview of the model, and then a flight down to the place where a walk begins. */
 
+import { ISO } from "../navigate/standardViews.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { ISO } from "./standardViews.ts";
 
 /** The duration of the flight, seconds. */
 const FLIGHT = 2;
