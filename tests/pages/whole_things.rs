@@ -84,7 +84,7 @@ fn before_it(service: &Service, browser: &mut Browser) {
 }
 
 fn stand(browser: &mut Browser) {
-    browser.done(json!({ "do": "stand", "eye": [0.0, 0.5, 14.0], "forward": [0.0, 0.0, -1.0] }));
+    browser.done(json!({ "do": "stand", "eye": [0.0, 2.5, 14.0], "forward": [0.0, 0.0, -1.0] }));
     look(browser);
 }
 
@@ -149,7 +149,7 @@ fn a_click_picks_at_the_chosen_level() {
 
 /// Alt+click, or the key, goes up one group after the other.
 #[test]
-fn the_parent_of_what_is_picked_is_one_click_away() {
+fn the_parent_of_a_pick_is_one_click_away() {
     let bench = Bench::empty();
     let Some(service) = service(&bench) else { return };
     let Some(mut browser) = Browser::start(900, 700) else { return };
@@ -182,7 +182,7 @@ fn the_parent_of_what_is_picked_is_one_click_away() {
 }
 
 #[test]
-fn what_is_picked_is_found_in_the_tree() {
+fn the_tree_shows_the_row_of_a_pick() {
     let bench = Bench::empty();
     let Some(service) = service(&bench) else { return };
     let Some(mut browser) = Browser::start(900, 700) else { return };

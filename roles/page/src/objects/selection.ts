@@ -38,6 +38,8 @@ export class Selection {
   readonly level = signal(chosenLevel());
   /** The part whose row in the tree is to get the focus. */
   readonly located = signal<PartDetails | undefined>(undefined);
+  /** The last pick, until its details are there. */
+  #adding: Promise<unknown> = Promise.resolve();
   /** The clicks that wait for the service, in their order. */
   #clicking = Promise.resolve();
   readonly #viewer: Viewer;
@@ -105,6 +107,7 @@ export class Selection {
   /** Picks the group around the part that was picked last. */
   pickParent(): void {
     this.#then(async () => {
+      await this.#adding;
       const details = this.details.peek();
       const parent = details && parentOf(details);
       if (parent !== undefined) {
@@ -157,7 +160,7 @@ export class Selection {
     }
     const { object, first, end } = picked;
     const part = { kind: "object", id: first, first, end: first + 1 } as const;
-    if (event.altKey && this.details.peek() !== undefined && viewer.selected.peek().has(first)) {
+    if (event.altKey && viewer.selected.peek().has(first)) {
       this.pickParent();
     } else if (this.level.peek() === "Primitive" && object !== undefined) {
       this.click(part, event);
@@ -188,7 +191,13 @@ export class Selection {
   }
 
   /** Picks a part in addition to others, and gets its details. */
-  async #add(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
+  #add(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
+    const adding = this.#ask(others, part);
+    this.#adding = adding;
+    return adding;
+  }
+
+  async #ask(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
     this.#picked.value = [...others, { part, details: undefined }];
     const { service, said } = this.#viewer;
     try {
