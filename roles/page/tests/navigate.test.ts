@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Projection } from "../src/draw/projection.ts";
+import { Flight } from "../src/navigate/flight.ts";
 import { framingEye } from "../src/navigate/framing.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
@@ -292,6 +293,13 @@ test("a flight begins when it is ready, arrives in time, and ends with any input
   assert.ok(Math.abs((heights[9] ?? 0) - 0) < 1e-9, `half of the way at half of the time: ${heights}`);
   assert.deepEqual([walker.eye, walker.mode.peek()], [to.eye, "orbit"]);
   assert.ok(Math.abs(walker.forward[0] - 1) < 1e-12);
+  // It turns the shorter way, also across the heading of half a turn.
+  const flight = new Flight(
+    { eye: [0, 0, 0], forward: [-0.1, 0, 1] },
+    { eye: [0, 0, 0], forward: [0.1, 0, 1] },
+    2,
+  );
+  assert.ok(flight.after(1).forward[2] > 0.999);
   for (const kind of ["keydown", "pointerdown", "wheel"]) {
     walker.goTo([0, 8, 40], [0, 0, -1]);
     walker.fly(to, "walk", 2, () => true);

@@ -101,9 +101,9 @@ test("a level is the lowest named group or one above it, and never the file", ()
   assert.equal(atLevel({ ...object, path: path.slice(0, 1) }, "System").kind, "object");
   // Groups of the same objects are one step.
   assert.equal(parentOf(object)?.name, "BRANCH");
-  const pipe = { ...object, first: 0, end: 20, path: path.slice(0, 3) };
-  assert.equal(parentOf(pipe)?.name, "ZONE");
-  assert.equal(parentOf({ ...pipe, end: 99, path: [] }), undefined);
+  const branch = { ...object, first: 0, end: 20, path: path.slice(0, 4) };
+  assert.equal(parentOf(branch)?.name, "ZONE");
+  assert.equal(parentOf({ ...branch, end: 99, path: [] }), undefined);
   assert.deepEqual(levelsOf({ groupLevels: 2 }), ["Primitive", "Part", "Equipment"]);
   assert.deepEqual([levelsOf({ groupLevels: 0 }).length, levelsOf({ groupLevels: 9 }).length], [1, 4]);
 });
