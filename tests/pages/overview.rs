@@ -304,5 +304,7 @@ fn a_page_says_why_its_model_cannot_be_shown() {
     held.release();
     let text = said(&mut browser, |text| text.contains("cannot be shown"));
     assert!(text.contains("tank.obj"), "{text}");
+    let place = browser.tell(json!({ "do": "rects", "selector": "#status" }))["answer"][0].take();
+    assert!((0.0..400.0).contains(&number(&place["y"])), "it can be seen: {place}");
     assert_eq!(held.child.wait().unwrap().code(), Some(2));
 }

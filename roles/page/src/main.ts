@@ -50,7 +50,10 @@ async function begin(): Promise<void> {
     status.id = "status";
     status.role = "alert";
     status.textContent = messageOf(error);
-    panels.replaceChildren(status);
+    const notice = document.createElement("div");
+    notice.className = "panel notice";
+    notice.append(status);
+    panels.replaceChildren(notice);
   }
 }
 

@@ -7,7 +7,7 @@ import type { Cooking } from "../service/service.ts";
 export function showCooking(place: HTMLElement, { stage, done, total }: Cooking): void {
   const count = (number: number) => number.toLocaleString("en");
   render(
-    <div class="panel cooking">
+    <div class="panel notice">
       <p id="status" role="status">
         The model is being prepared for the first time: {stage}
       </p>
