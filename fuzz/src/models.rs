@@ -67,6 +67,16 @@ const SAID_OF: &str = "HEAD\n 1 2\n\n\n\n\n\nMODL\n 1 1\n\n\n\
     CNTB\n 1 2\n/RÖHR\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
     END:\n 1 1\n";
 
+/// Any bytes as an STL file of either form.
+pub fn stl(bytes: &[u8]) {
+    import("a.stl", bytes);
+}
+
+/// Any bytes as a PLY file of any form.
+pub fn ply(bytes: &[u8]) {
+    import("a.ply", bytes);
+}
+
 /// Stands between an OBJ file and its library in an input.
 const LIBRARY: &[u8] = b"\n#### a.mtl\n";
 

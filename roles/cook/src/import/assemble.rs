@@ -11,6 +11,20 @@ use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Source};
 use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
 
+/// The colour of a surface without one, in formats that prescribe none: parts of full colour.
+pub(super) const GREY: [f64; 3] = [0.6; 3];
+
+/// [`GREY`], opaque.
+pub(super) fn grey() -> Rgba8 {
+    let [r, g, b] = GREY;
+    rgba([r, g, b, 1.0])
+}
+
+/// A colour and an opacity of parts from 0 to 1. The casts clamp.
+pub(super) fn rgba(parts: [f64; 4]) -> Rgba8 {
+    Rgba8(parts.map(|part| (part * 255.0).round() as u8))
+}
+
 /// Position and colour as one run of bytes: corners with equal keys are one vertex.
 #[derive(Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]

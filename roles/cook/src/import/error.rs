@@ -1,14 +1,16 @@
 //! Why an import failed.
 
-use std::io;
 use std::path::PathBuf;
+use std::{fmt, io};
 
 use thiserror::Error;
 
 use super::gltf::GltfError;
 use super::obj::ObjError;
+use super::ply::PlyError;
 use super::report::Warning;
 use super::rvm::RvmError;
+use super::stl::StlError;
 use crate::ModelError;
 
 /// Why files could not be imported: the file, the place in it, and the remedy.
@@ -16,7 +18,7 @@ use crate::ModelError;
 #[non_exhaustive]
 pub enum ImportError {
     /// There are no files.
-    #[error("no input files: name at least one .glb, .gltf, .rvm, .rev or .obj file")]
+    #[error("no input files: name at least one .glb, .gltf, .rvm, .rev, .obj, .stl or .ply file")]
     NoFiles,
     /// An option is invalid.
     #[error("the {option} is {value}; it must be a positive, finite number")]
@@ -35,7 +37,7 @@ pub enum ImportError {
         source: io::Error,
     },
     /// The name has no known ending.
-    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev or .obj")]
+    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl or .ply")]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -53,7 +55,9 @@ pub enum ImportError {
         magic: &'static str,
     },
     /// A packed file of a format that is not read when packed.
-    #[error("{path} is packed with gzip, and only OBJ is read so: unpack it first, as with gunzip")]
+    #[error(
+        "{path} is packed with gzip, and only OBJ, STL and PLY are read so: unpack it first, as with gunzip"
+    )]
     Packed {
         /// The file.
         path: PathBuf,
@@ -100,6 +104,22 @@ pub enum ImportError {
         /// The error.
         source: ObjError,
     },
+    /// An STL file is malformed.
+    #[error("{path}: {source}")]
+    Stl {
+        /// The file.
+        path: PathBuf,
+        /// The error.
+        source: StlError,
+    },
+    /// A PLY file is malformed.
+    #[error("{path}: {source}")]
+    Ply {
+        /// The file.
+        path: PathBuf,
+        /// The error.
+        source: PlyError,
+    },
     /// No file has an object left.
     #[error(
         "{} nothing to draw: no object with a surface is left{}; \
@@ -127,6 +147,24 @@ pub enum ImportError {
         /// Their kind.
         what: &'static str,
     },
+}
+
+/// A place in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilePosition {
+    /// A byte of a binary form, from 0 on.
+    Byte(u64),
+    /// A line of a text form, from 1 on.
+    Line(u64),
+}
+
+impl fmt::Display for FilePosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(byte) => write!(f, "byte {byte}"),
+            Self::Line(line) => write!(f, "line {line}"),
+        }
+    }
 }
 
 /// Names of files as the start of a sentence.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::ImportError;
 use super::rvm::is_review_file;
+use super::stl::is_stl;
 
 /// A file format that can be imported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -15,6 +16,10 @@ pub enum Format {
     Rvm,
     /// Wavefront OBJ, with its materials (.mtl) beside it.
     Obj,
+    /// STL, in its binary or its text form.
+    Stl,
+    /// PLY (the Stanford polygon format), in its text form or either binary form.
+    Ply,
 }
 
 impl Format {
@@ -46,6 +51,13 @@ impl Format {
             ),
             // Text of any kind: it has no characteristic first bytes.
             Some("obj") => Ok(Self::Obj),
+            Some("stl") if is_stl(bytes) => Ok(Self::Stl),
+            Some("stl") => wrong(
+                ".stl",
+                "the word solid in the text form, and with 80 bytes and a count in the binary form",
+            ),
+            Some("ply") if bytes.starts_with(b"ply") => Ok(Self::Ply),
+            Some("ply") => wrong(".ply", "the letters ply"),
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }
     }
@@ -99,8 +111,8 @@ mod tests {
 
     #[test]
     fn an_unknown_ending_is_named() {
-        let error = Format::of(Path::new("plant.step"), b"").unwrap_err();
-        assert!(error.to_string().starts_with("plant.step is of no known format"), "{error}");
+        let error = Format::of(Path::new("plant.doc"), b"").unwrap_err();
+        assert!(error.to_string().starts_with("plant.doc is of no known format"), "{error}");
         assert!(matches!(Format::of(Path::new("glb"), b"glTF"), Err(ImportError::UnknownFormat { .. })));
     }
 }

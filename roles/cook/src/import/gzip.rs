@@ -27,14 +27,17 @@ pub(super) struct Unpacked<'b> {
     pub behind: usize,
 }
 
-/// A file before gzip, if it is packed. Of packed files only Wavefront OBJ is read.
+/// The formats that are read packed, with the start of a file or of a line of text that shows each.
+const READ_PACKED: [(&str, &[u8]); 3] = [("ply", b"ply"), ("stl", b"solid"), ("obj", b"v ")];
+
+/// A file before gzip, if it is packed.
 pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>, ImportError> {
     let owned = || path.to_owned();
     let named = ending(path).as_deref() == Some("gz");
     let mut inner = if named { path.with_extension("") } else { owned() };
     if !bytes.starts_with(MAGIC) {
         // Browsers unpack downloads, and keep the name.
-        if named && ending(&inner).as_deref() != Some("obj") {
+        if named && !is_read_packed(&inner) {
             let magic = "the bytes 1F 8B";
             return Err(ImportError::WrongMagic { path: owned(), expected: ".gz", magic });
         }
@@ -42,7 +45,7 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>,
     }
     let of = |name, (text, behind)| Unpacked { name, bytes: Cow::Owned(text), behind };
     match ending(&inner).as_deref() {
-        Some("obj") => Ok(of(inner, unpack(path, bytes)?)),
+        _ if is_read_packed(&inner) => Ok(of(inner, unpack(path, bytes)?)),
         Some("glb" | "gltf" | "rvm" | "rev") => Err(ImportError::Packed { path: owned() }),
         // `plant.gz` may be anything.
         _ if named => {
@@ -51,14 +54,21 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>,
             if other.iter().any(|magic| text.starts_with(magic)) {
                 return Err(ImportError::Packed { path: owned() });
             }
-            if !text.starts_with(b"v ") && !text.windows(3).any(|start| start == b"\nv ") {
-                return Err(ImportError::UnknownFormat { path: owned() });
-            }
-            inner.as_mut_os_string().push(".obj");
+            let begins = |start: &[u8]| text.starts_with(start);
+            let is_obj = || text.windows(3).any(|start| start == b"\nv ");
+            let found =
+                READ_PACKED.iter().find(|(ending, start)| begins(start) || *ending == "obj" && is_obj());
+            let Some((ending, _)) = found else { return Err(ImportError::UnknownFormat { path: owned() }) };
+            inner.as_mut_os_string().push(".");
+            inner.as_mut_os_string().push(ending);
             Ok(of(inner, (text, behind)))
         }
         _ => Err(ImportError::UnknownFormat { path: owned() }),
     }
+}
+
+fn is_read_packed(path: &Path) -> bool {
+    ending(path).is_some_and(|ending| READ_PACKED.iter().any(|(known, _)| *known == ending))
 }
 
 /// The unpacked data, and the number of significant bytes behind it. Several consecutive streams are one

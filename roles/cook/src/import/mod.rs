@@ -1,4 +1,4 @@
-//! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
+//! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM), Wavefront OBJ, STL and PLY.
 //!
 //! [`import`] takes any number of files and makes one model of them. It keeps the data of a walk (shape,
 //! place, base colour, name), but not animation and materials beyond the base colour. The world of the result
@@ -16,11 +16,15 @@ mod format;
 mod gltf;
 mod gzip;
 mod hierarchy;
+mod left_out;
 mod neighbours;
 mod obj;
+mod ply;
 mod polygon;
 mod report;
 mod rvm;
+mod stl;
+mod text;
 
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -30,12 +34,15 @@ use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 pub use budget::{ImportLimits, NAME_UNIT, OverBudget, Resource};
-pub use error::ImportError;
+pub use error::{FilePosition, ImportError};
 pub use format::Format;
 pub use gltf::GltfError;
-pub use obj::{NotText, ObjError};
+pub use obj::ObjError;
+pub use ply::PlyError;
 pub use report::{ImportReport, Warning, WarningKind};
-pub use rvm::{RvmError, RvmPlace};
+pub use rvm::RvmError;
+pub use stl::StlError;
+pub use text::NotText;
 
 use self::budget::Budget;
 use crate::Model;
@@ -45,7 +52,7 @@ use crate::Model;
 pub enum UpAxis {
     /// y up: glTF by its specification, OBJ by custom.
     Y,
-    /// z up: RVM, and most CAD. (x, y, z) becomes (x, z, -y).
+    /// z up: RVM, STL, PLY, and most CAD. (x, y, z) becomes (x, z, -y).
     Z,
 }
 
@@ -55,10 +62,10 @@ pub struct ImportOptions {
     /// The largest distance of a tessellated surface from the true one, metres. No curve is cut finer than a
     /// ten-thousandth of its size. Only RVM has curved surfaces.
     pub chord_tolerance: f64,
-    /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for RVM.
+    /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for RVM, STL and PLY.
     pub up: Option<UpAxis>,
-    /// Metres per unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM.
-    /// glTF is in metres by its specification and ignores it.
+    /// Metres per unit of length; `None` is each format's own: 1 for OBJ and PLY, 0.001 for RVM and STL. glTF
+    /// is in metres by its specification and ignores it.
     pub unit: Option<f64>,
     /// The limits.
     pub limits: ImportLimits,
@@ -193,6 +200,10 @@ fn read(
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
+        Format::Stl => stl::import(&stem(&unpacked.name), bytes, options, budget)
+            .map_err(|source| ImportError::Stl { path: name.to_owned(), source }),
+        Format::Ply => ply::import(&stem(&unpacked.name), bytes, options, budget)
+            .map_err(|source| ImportError::Ply { path: name.to_owned(), source }),
         Format::Rvm => rvm::import(path, Cursor::new(bytes), options, budget)
             .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
     }?;
@@ -201,6 +212,11 @@ fn read(
         part.report.warn_about(WarningKind::BehindPacked, &detail, 1);
     }
     Ok(part)
+}
+
+/// A file's name without its folder and its ending: the name of an object that has none.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 impl ImportOptions {

@@ -31,14 +31,28 @@ struct Contour {
     parent: Option<usize>,
 }
 
-impl Triangulator {
-    pub(super) fn new() -> Self {
+impl Default for Triangulator {
+    fn default() -> Self {
         Self { earcut: Earcut::new(), large_polygons: 0 }
     }
+}
 
+impl Triangulator {
     /// How many polygons had too many corners to be cut exactly.
     pub(super) const fn large_polygons(&self) -> u64 {
         self.large_polygons
+    }
+
+    /// Adds the triangles of a face without holes, whose corners are numbers of `places`.
+    pub(super) fn face(&mut self, face: &[u32], places: &[DVec3], indices: &mut Vec<u32>) {
+        if face.len() == 3 {
+            indices.extend_from_slice(face);
+            return;
+        }
+        let corners = face.iter().filter_map(|&corner| places.get(corner as usize).copied()).collect();
+        for triangle in self.triangulate(&[corners]) {
+            indices.extend(triangle.into_iter().filter_map(|corner| face.get(corner as usize)));
+        }
     }
 
     /// The triangles of a polygon, facing as its largest contour winds. Corners are numbered through all
@@ -232,7 +246,7 @@ mod tests {
     /// The sum of the triangles' area vectors, and of their lengths.
     fn areas(polygon: Vec<Vec<DVec3>>) -> (DVec3, f64) {
         let corners = polygon.concat();
-        let triangles = Triangulator::new().triangulate(&polygon);
+        let triangles = Triangulator::default().triangulate(&polygon);
         let halves = triangles.into_iter().map(|triangle| {
             let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
             (b - a).cross(c - a) / 2.0
@@ -294,7 +308,7 @@ mod tests {
     #[test]
     fn very_many_contours_are_filled_and_counted() {
         let polygon: Vec<_> = (1..=100_000).map(|half| square(f64::from(half))).collect();
-        let mut triangulator = Triangulator::new();
+        let mut triangulator = Triangulator::default();
         let triangles = triangulator.triangulate(&polygon);
         assert_eq!((triangles.len(), triangulator.large_polygons()), (200_000, 1));
         let largest = [399_996, 399_997, 399_998, 399_999];
@@ -312,7 +326,7 @@ mod tests {
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
             DVec3::new(7.0, cos, sin)
         });
-        let mut triangulator = Triangulator::new();
+        let mut triangulator = Triangulator::default();
         let triangles = triangulator.triangulate(&[star.collect()]);
         assert_eq!(triangles.len(), corners as usize - 2);
         assert_eq!(triangulator.large_polygons(), 1);
@@ -366,7 +380,7 @@ mod tests {
             let polygon: Vec<Vec<DVec3>> =
                 polygon.into_iter().map(|contour| contour.into_iter().map(corner).collect()).collect();
             let corners = polygon.concat().len();
-            for number in Triangulator::new().triangulate(&polygon).concat() {
+            for number in Triangulator::default().triangulate(&polygon).concat() {
                 prop_assert!((number as usize) < corners);
             }
         }

@@ -49,9 +49,9 @@ pub struct Warning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum WarningKind {
-    /// glTF primitives and OBJ elements of points or lines: they have no surface.
+    /// glTF primitives, OBJ elements, and PLY edges and faces of points or lines: they have no surface.
     PointsOrLines,
-    /// glTF and OBJ materials whose colour comes from a texture: drawn in their base colour.
+    /// glTF and OBJ materials, and PLY files, whose colour comes from a texture: drawn in their base colour.
     TexturedMaterial,
     /// OBJ material libraries that cannot be read: surfaces with their materials are drawn grey.
     MaterialsMissing,
@@ -60,11 +60,12 @@ pub enum WarningKind {
     /// Malformed lines of OBJ files and their libraries: a vertex without a place, or a colour that is not a
     /// number. Each costs only itself.
     MalformedLine,
-    /// OBJ faces with a corner at a vertex that does not exist or has no place: left out.
+    /// OBJ, STL and PLY faces with a corner at a vertex that does not exist or has no place: left out.
     FaceLeftOut,
     /// OBJ curves and surfaces that are not faces: left out.
     FreeForm,
-    /// OBJ statements that are unknown, or that would read another file or run a program: left out.
+    /// OBJ statements that are unknown, or that would read another file or run a program, and unknown words
+    /// of STL: left out.
     UnknownStatement,
     /// glTF textures that cannot be read: their surfaces are drawn in the base colour.
     TextureUnread,
@@ -100,7 +101,7 @@ pub enum WarningKind {
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
-    /// Objects without a single triangle: left out. In OBJ a line or a point is no object.
+    /// Objects without a single triangle: left out. In OBJ, STL and PLY a line or a point is no object.
     EmptyObject,
     /// RVM and glTF objects whose triangles are all lines or points, such as a cylinder of diameter 0: kept
     /// by their names, and not drawn.
@@ -130,6 +131,12 @@ pub enum WarningKind {
     BehindEnd,
     /// Bytes behind gzip data that are not gzip data: ignored.
     BehindPacked,
+    /// Bytes behind the last triangle of an STL file, or behind the last row of a PLY file: ignored.
+    BehindLast,
+    /// Counts of triangles in binary STL that are placeholders: as many are read as the file holds.
+    CountReplaced,
+    /// Solids of an STL file that never end: ended where the file ends.
+    SolidLeftOpen,
     /// RVM groups with an unknown colour number: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
@@ -263,7 +270,7 @@ impl fmt::Display for WarningKind {
             Self::MaterialsMissing => "material libraries that cannot be read: drawn grey",
             Self::MaterialUndefined => "uses of materials that no library defines: drawn grey",
             Self::MalformedLine => "malformed lines: what is wrong in them left out",
-            Self::FaceLeftOut => "faces left out: a corner is at no vertex",
+            Self::FaceLeftOut => "faces left out: a corner is at no vertex, or has no place",
             Self::FreeForm => "free-form curves and surfaces left out",
             Self::UnknownStatement => "statements left out: unknown or not supported",
             Self::TextureUnread => "textures that cannot be read: drawn in the base colour",
@@ -300,6 +307,11 @@ impl fmt::Display for WarningKind {
             Self::EndMissing => "models without their last chunk, END:, read to where they stop",
             Self::BehindEnd => "stretches of bytes behind END: that are no model ignored",
             Self::BehindPacked => "stretches of bytes behind what gzip packed ignored",
+            Self::BehindLast => "stretches of bytes behind the last triangle or row ignored",
+            Self::CountReplaced => {
+                "counts of triangles that are placeholders replaced by what the file holds"
+            }
+            Self::SolidLeftOpen => "solids that never end, ended with their file",
             Self::UnknownColour => "groups without a known colour drawn grey",
             Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
             Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",

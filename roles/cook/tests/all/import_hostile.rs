@@ -7,12 +7,14 @@ use trimaran_cook::import::WarningKind;
 
 use crate::import_files::{RvmWriter, import_bytes, reals};
 
-const TARGETS: [crate::replay::Target; 6] = [
+const TARGETS: [crate::replay::Target; 8] = [
     ("gltf", 34, crate::models::gltf),
     ("rvm", 34, crate::models::rvm),
     ("rvm_text", 15, crate::models::rvm_text),
     ("attributes", 12, crate::models::attributes),
     ("obj", 27, crate::models::obj),
+    ("stl", 35, crate::models::stl),
+    ("ply", 33, crate::models::ply),
     ("scene", 28, crate::models::scene),
 ];
 

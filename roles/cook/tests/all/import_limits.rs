@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use trimaran_cook::import::{
-    GltfError, ImportError, ImportLimits, ImportOptions, ObjError, OverBudget, Resource, RvmError, import,
-    import_bytes,
+    GltfError, ImportError, ImportLimits, ImportOptions, ObjError, OverBudget, PlyError, Resource, RvmError,
+    StlError, import, import_bytes,
 };
 
 use Resource::{AttributeBytes, Depth, Objects, Triangles, Vertices};
@@ -167,6 +167,16 @@ fn hostile() -> Vec<Hostile> {
         (0..200_000).map(|number| format!("{word} {number:x}\n{then}")).collect()
     };
     let names = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "o a\nf 1 2 3\no b\nf 3 2 1\n".repeat(40_000));
+    let stl = |bytes, asks_for, user| Hostile { name: "a.stl", bytes, asks_for, user, beside: vec![] };
+    let facet = "vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop\n";
+    let binary_stl = [vec![0; 80], 110_000_u32.to_le_bytes().to_vec(), vec![0; 110_000 * 50]].concat();
+    let ply = |element: &str, rows: usize, values: &str, asks_for| {
+        let vertices = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+        let faces = format!("element {element} {rows}\nproperty list uchar int vertex_indices\n");
+        let rows = format!("end_header\n0 0 0\n1 0 0\n0 1 0\n{values}");
+        text("a.ply", format!("ply\nformat ascii 1.0\n{vertices}{faces}{rows}"), asks_for, "object \"a\"")
+    };
+    let long_list = format!("400000{}", " 0 1 2 1".repeat(100_000));
     vec![
         glb(document(one_node, &list(2_000, plain), 100_000), Some(Vertices), "primitive 3 of mesh 0"),
         glb(document(one_node, &list(2_000, indexed), 100_000), Some(Vertices), "mesh 0 (\"pump\")"),
@@ -205,6 +215,16 @@ fn hostile() -> Vec<Hostile> {
         obj(format!("{triangle}{}", many("", "")), None, ""),
         obj(format!("{triangle}o a\n{}", many("g", "f 1 2 3\n")), Some(Objects), "object \""),
         obj(format!("{triangle}{}", "v 0 0 0 1 1 1 1\n".repeat(300_000)), None, ""),
+        stl(binary_stl, Some(Vertices), "solid \"a\""),
+        stl(format!("solid b\n{}", facet.repeat(110_000)).into(), Some(Vertices), "solid \"b\""),
+        stl(format!("solid c\n{facet}").repeat(40_000).into(), Some(Objects), "solid \"c\""),
+        stl("solid\nendsolid\n".repeat(500_000).into(), None, ""),
+        stl("what\n".repeat(500_000).into_bytes(), None, ""),
+        ply("face", 400_000, &"3 0 1 2\n".repeat(400_000), Some(Triangles)),
+        ply("face", 1, &long_list, Some(Triangles)),
+        ply("tristrips", 1, &long_list, Some(Triangles)),
+        ply("face", 1_000_000, &"0\n".repeat(1_000_000), None),
+        ply(&"a 0\nproperty int x\nelement ".repeat(100_000), 0, "", None),
     ]
 }
 
@@ -216,6 +236,8 @@ fn over_budget(error: &ImportError) -> Option<&OverBudget> {
         },
         ImportError::Rvm { source: RvmError::Budget(over), .. } => Some(over),
         ImportError::Obj { source: ObjError::Budget(over), .. } => Some(over),
+        ImportError::Stl { source: StlError::Budget(over), .. } => Some(over),
+        ImportError::Ply { source: PlyError::Budget(over), .. } => Some(over),
         _ => None,
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use trimaran_cook::import::{
-    ImportError, ImportOptions, Imported, RvmError, RvmPlace, UpAxis, WarningKind, import,
+    FilePosition, ImportError, ImportOptions, Imported, RvmError, UpAxis, WarningKind, import,
 };
 use trimaran_scene::Rgba8;
 
@@ -136,7 +136,7 @@ fn faults_are_told_with_their_place() {
     let open = || RvmWriter::new().open("/PUMP", 1);
     let begun = open().unfinished().len() as u64;
     let cut = |file: &[u8]| match error(file) {
-        RvmError::Truncated { at: RvmPlace::Byte(byte), .. } => byte,
+        RvmError::Truncated { at: FilePosition::Byte(byte), .. } => byte,
         other => panic!("{other}"),
     };
     // The file ends while a group is open, between chunks and within one.
@@ -148,7 +148,7 @@ fn faults_are_told_with_their_place() {
     assert_eq!(cut(&RvmWriter::new().unfinished()), RvmWriter::new().unfinished().len() as u64);
     let mut letters = open().unfinished();
     letters.extend([1; 24]);
-    assert!(matches!(error(&letters), RvmError::Malformed { at: RvmPlace::Byte(at), .. } if at == begun));
+    assert!(matches!(error(&letters), RvmError::Malformed { at: FilePosition::Byte(at), .. } if at == begun));
 }
 
 /// A chunk contains the offset of the next one.
@@ -164,7 +164,7 @@ fn a_length_that_points_backwards_or_out_of_the_file_is_an_error() {
             match error(&file) {
                 RvmError::Malformed { at, what } => {
                     assert!(backwards && what.contains("begins before"), "{id} {next}: {what}");
-                    assert_eq!(at, RvmPlace::Byte(before as u64));
+                    assert_eq!(at, FilePosition::Byte(before as u64));
                 }
                 RvmError::Truncated { .. } => assert!(!backwards, "{id} {next}"),
                 other => panic!("{id} {next}: {other}"),

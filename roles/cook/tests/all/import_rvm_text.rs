@@ -1,7 +1,7 @@
 //! The text form of RVM files: it behaves like the binary form.
 
 use glam::{DVec3, Vec3};
-use trimaran_cook::import::{ImportError, Imported, RvmError, RvmPlace, WarningKind};
+use trimaran_cook::import::{FilePosition, ImportError, Imported, RvmError, WarningKind};
 use trimaran_scene::Rgba8;
 
 use crate::import_files::{RvmWriter, import_beside, import_bytes, names, reals};
@@ -213,7 +213,8 @@ fn blank_lines_may_stand_anywhere() {
     }
     let error =
         import_bytes("a.rvm", text.replace(END, "").replace(CLOSE, "").replace('\n', "\n\n").as_bytes());
-    let Err(ImportError::Rvm { source: RvmError::Truncated { at: RvmPlace::Line(line), .. }, .. }) = error
+    let Err(ImportError::Rvm { source: RvmError::Truncated { at: FilePosition::Line(line), .. }, .. }) =
+        error
     else {
         panic!("{error:?}")
     };
@@ -257,7 +258,8 @@ fn a_file_that_is_cut_off_or_no_review_file_is_refused() {
     for file in [&*text, BEGIN, "HEAD\n", "HEAD\r\n 1 2\n"] {
         match import_bytes("a.rev", file.as_bytes()) {
             Err(ImportError::Rvm {
-                source: RvmError::Truncated { at: RvmPlace::Line(line), .. }, ..
+                source: RvmError::Truncated { at: FilePosition::Line(line), .. },
+                ..
             }) => {
                 assert_eq!(line as usize, file.split('\n').count(), "{file:?}");
             }

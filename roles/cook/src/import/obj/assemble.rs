@@ -8,7 +8,7 @@ use super::faults::Faults;
 use super::materials::Material;
 use super::parse::{Face, Heading, Parsed, Run, UNNAMED};
 use super::tints::Scale;
-use crate::import::assemble::{centred, draws_nothing, is_in_reach, place_own};
+use crate::import::assemble::{GREY, centred, draws_nothing, is_in_reach, place_own, rgba};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
@@ -17,8 +17,6 @@ use crate::import::{OverBudget, Part};
 use crate::lists::at;
 use trimaran_scene::Rgba8;
 
-/// The colour of a face without a material.
-const GREY: [f64; 3] = [0.6; 3];
 /// How many undefined materials are named.
 const MOST_NAMED: usize = 100;
 
@@ -43,7 +41,7 @@ pub(super) fn assemble(
         faces: Vec::new(),
     };
     let tints = parsed.tints.scale();
-    let mut triangulator = Triangulator::new();
+    let mut triangulator = Triangulator::default();
     let (mut faces, mut corners) = (parsed.faces.as_slice(), parsed.corners.as_slice());
     let mut runs = parsed.runs.iter().peekable();
     for (index, heading) in (0..).zip(&parsed.objects) {
@@ -180,30 +178,19 @@ impl Shape<'_> {
         let positions: Vec<DVec3> = self.used.iter().map(place).collect();
         let mut indices = Vec::with_capacity(self.corners.len());
         let mut rest = self.corners.as_slice();
-        let mut contour = [Vec::new()];
         for &count in &self.faces {
             let face = rest.split_off(..count as usize).unwrap_or_default();
-            if face.len() == 3 {
-                indices.extend_from_slice(face);
-                continue;
-            }
-            let [corners] = &mut contour;
-            corners.clear();
-            corners.extend(face.iter().filter_map(|&corner| positions.get(corner as usize).copied()));
-            for triangle in triangulator.triangulate(&contour) {
-                indices.extend(triangle.into_iter().filter_map(|corner| face.get(corner as usize)));
-            }
+            triangulator.face(face, &positions, &mut indices);
         }
         (positions, indices)
     }
 }
 
 /// A vertex's own colour times its material's, as in glTF. Material libraries store colours in display form.
-/// The casts clamp.
 fn colour(tints: &Scale<'_>, vertex: u32, material: Option<&Material>) -> Rgba8 {
     let opacity = material.map_or(1.0, Material::opacity);
     let diffuse = material.and_then(|material| material.diffuse);
-    let rgba = match tints.of(vertex) {
+    let parts = match tints.of(vertex) {
         Some([r, g, b, a]) => {
             let [kr, kg, kb] = diffuse.unwrap_or([1.0; 3]);
             [r * kr, g * kg, b * kb, a * opacity]
@@ -213,7 +200,7 @@ fn colour(tints: &Scale<'_>, vertex: u32, material: Option<&Material>) -> Rgba8 
             [r, g, b, opacity]
         }
     };
-    Rgba8(rgba.map(|part| (part * 255.0).round() as u8))
+    rgba(parts)
 }
 
 /// Undefined materials.

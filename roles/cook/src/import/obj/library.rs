@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use super::faults::Faults;
 use super::materials::Materials;
-use super::text::decode;
 use crate::import::neighbours::Neighbours;
 use crate::import::report::{ImportReport, WarningKind};
+use crate::import::text::decode;
 
 /// How many missing libraries are named.
 const MOST_NAMED: usize = 100;

@@ -3,9 +3,8 @@
 use std::collections::HashMap;
 
 use super::faults::Faults;
-use super::parse::excerpt;
-use super::text::{Lines, name, numbers, statement};
 use crate::import::report::WarningKind;
+use crate::import::text::{Lines, excerpt, name, numbers, statement};
 
 /// The number for no material.
 pub(super) const NO_MATERIAL: u32 = u32::MAX;

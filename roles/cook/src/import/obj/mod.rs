@@ -9,7 +9,6 @@ mod faults;
 mod library;
 mod materials;
 mod parse;
-mod text;
 mod tints;
 
 use std::path::Path;
@@ -17,12 +16,11 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
-pub use self::text::NotText;
-
 use self::faults::Faults;
 use super::budget::Budget;
 use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
+use super::text::{self, NotText};
 use super::{ImportOptions, OverBudget, Part, UpAxis};
 use crate::Model;
 

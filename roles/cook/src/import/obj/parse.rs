@@ -7,12 +7,12 @@ use glam::DVec3;
 use super::faults::Faults;
 use super::library::Libraries;
 use super::materials::{Materials, NO_MATERIAL};
-use super::text::{Lines, name, numbers, statement};
 use super::tints::Tints;
 use crate::import::OverBudget;
 use crate::import::budget::Budget;
 use crate::import::neighbours::Neighbours;
 use crate::import::report::WarningKind;
+use crate::import::text::{Lines, excerpt, name, numbers, statement};
 
 /// The name of an object without one.
 pub(super) const UNNAMED: &str = "unnamed_object";
@@ -269,13 +269,4 @@ fn corner(word: &str, vertices: usize) -> Result<u32, &'static str> {
         return Err("so many vertices did not come before it");
     }
     u32::try_from(from_zero).map_err(|_| "there is no such vertex")
-}
-
-/// The beginning of a text from a file, in quotes.
-pub(super) fn excerpt(text: &str) -> String {
-    const MOST: usize = 60;
-    match text.char_indices().nth(MOST).and_then(|(end, _)| text.get(..end)) {
-        Some(start) => format!("{start:?}..."),
-        None => format!("{text:?}"),
-    }
 }

@@ -7,7 +7,7 @@
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 
 use super::reader::Reader;
-use super::{RvmError, RvmPlace};
+use super::{FilePosition, RvmError};
 
 /// The first bytes of a file: the header of a chunk HEAD.
 pub(super) const MAGIC: [u8; 16] = letters(*b"HEAD");
@@ -66,14 +66,14 @@ impl<S: Read + Seek> Chunks<S> {
             self.next = at + header.len() as u64;
             return Ok(Some(Chunk { id: *b"END:", at, body: 0 }));
         }
-        let place = RvmPlace::Byte(at);
+        let place = FilePosition::Byte(at);
         match (id.as_deref().and_then(|id| id.first_chunk()), words) {
             _ if header.iter().all(|&byte| byte == 0) && self.only_zeros_follow()? => Ok(None),
             (Some(&id), &[_, _, _, _, next, _]) if id != [0; 4] => {
                 self.chunk(id, at, u32::from_be_bytes(next)).map(Some)
             }
             (_, words) if words.len() < 6 && id.is_some() => {
-                Err(RvmError::Truncated { at: RvmPlace::Byte(self.length), what: "a chunk's header" })
+                Err(RvmError::Truncated { at: FilePosition::Byte(self.length), what: "a chunk's header" })
             }
             _ => Err(RvmError::Malformed { at: place, what: "a chunk does not begin with letters" }),
         }
@@ -91,9 +91,9 @@ impl<S: Read + Seek> Chunks<S> {
         if length < HEADER || at + length > self.length {
             let backwards = "a chunk says that the next one begins before its own end";
             return Err(if length < HEADER || u64::from(next) + self.base < at + HEADER {
-                RvmError::Malformed { at: RvmPlace::Byte(at), what: backwards }
+                RvmError::Malformed { at: FilePosition::Byte(at), what: backwards }
             } else {
-                RvmError::Truncated { at: RvmPlace::Byte(self.length), what: "a chunk" }
+                RvmError::Truncated { at: FilePosition::Byte(self.length), what: "a chunk" }
             });
         }
         self.next = at + length;

@@ -1,10 +1,10 @@
 //! Why an RVM file could not be imported.
 
-use std::{fmt, io};
+use std::io;
 
 use thiserror::Error;
 
-use crate::import::OverBudget;
+use crate::import::{FilePosition, OverBudget};
 
 /// An error in an RVM file, and its place.
 #[derive(Debug, Error)]
@@ -14,7 +14,7 @@ pub enum RvmError {
     #[error("it ends at {at}, in the middle of {what}; the file is cut off or damaged: get it again")]
     Truncated {
         /// The place.
-        at: RvmPlace,
+        at: FilePosition,
         /// The item being read.
         what: &'static str,
     },
@@ -22,7 +22,7 @@ pub enum RvmError {
     #[error("it is malformed at {at}: {what}; the file is damaged: get it again")]
     Malformed {
         /// The place.
-        at: RvmPlace,
+        at: FilePosition,
         /// The error.
         what: &'static str,
     },
@@ -32,22 +32,4 @@ pub enum RvmError {
     /// It exceeds a limit. A larger chord tolerance makes fewer triangles.
     #[error(transparent)]
     Budget(#[from] OverBudget),
-}
-
-/// A place in an RVM file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RvmPlace {
-    /// A byte of the binary form, from 0 on.
-    Byte(u64),
-    /// A line of the text form, from 1 on.
-    Line(u64),
-}
-
-impl fmt::Display for RvmPlace {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Byte(byte) => write!(f, "byte {byte}"),
-            Self::Line(line) => write!(f, "line {line}"),
-        }
-    }
 }

@@ -8,7 +8,7 @@ use trimaran_scene::Rgba8;
 
 use super::encoding::Encoding;
 use super::shape::{Broken, Numbers, Shape};
-use super::{RvmError, RvmPlace, chunks, colour, parse, text};
+use super::{FilePosition, RvmError, chunks, colour, parse, text};
 use crate::import::budget::Budget;
 use crate::import::report::{ImportReport, WarningKind};
 
@@ -66,7 +66,7 @@ impl Solids {
 #[derive(Debug)]
 pub(super) struct Primitive {
     /// Its place in the file, for errors.
-    pub at: RvmPlace,
+    pub at: FilePosition,
     /// The primitive's frame to the file's: finite.
     pub matrix: DAffine3,
     /// The box stored with the primitive, in the primitive's frame. Not trusted.
@@ -138,7 +138,7 @@ impl<'b> File<'b> {
         name: &str,
         material: Option<u32>,
         transparency: Option<u32>,
-        at: RvmPlace,
+        at: FilePosition,
     ) -> Result<(), RvmError> {
         self.ended = false;
         let name = name.trim();
@@ -181,7 +181,7 @@ impl<'b> File<'b> {
     }
 
     /// A primitive of the innermost group: its kind, then its other data.
-    pub(super) fn primitive(&mut self, numbers: &mut impl Numbers, order: Order, at: RvmPlace) {
+    pub(super) fn primitive(&mut self, numbers: &mut impl Numbers, order: Order, at: FilePosition) {
         let group = self.open.last_mut();
         let in_file = group.as_ref().and_then(|solids| self.groups.get(solids.group as usize));
         let name = in_file.map_or("", |group| &group.name);
@@ -245,7 +245,7 @@ impl<'b> File<'b> {
     }
 
     /// The file ends at `at`.
-    fn finish(&mut self, at: RvmPlace) -> Result<(), RvmError> {
+    fn finish(&mut self, at: FilePosition) -> Result<(), RvmError> {
         if !self.ended {
             if self.groups.is_empty() || !self.open.is_empty() {
                 let what = if self.open.is_empty() { "a model" } else { "a group" };
@@ -261,7 +261,7 @@ impl<'b> File<'b> {
 }
 
 impl Primitive {
-    fn read(kind: u32, numbers: &mut impl Numbers, order: Order, at: RvmPlace) -> Result<Self, Broken> {
+    fn read(kind: u32, numbers: &mut impl Numbers, order: Order, at: FilePosition) -> Result<Self, Broken> {
         let values: [f64; 12] = numbers.reals()?;
         let matrix = match order {
             Order::Columns => DAffine3::from_cols_array(&values),

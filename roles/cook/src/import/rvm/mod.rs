@@ -29,7 +29,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-pub use error::{RvmError, RvmPlace};
+pub use error::RvmError;
 
 use self::file::{File, Group, Primitive, Solids};
 use self::said::Said;
@@ -40,7 +40,7 @@ use super::assemble::{bounds, centred, draws_nothing, is_in_reach, place_own};
 use super::budget::{Budget, OverBudget};
 use super::hierarchy::{self, Branch};
 use super::report::WarningKind;
-use super::{Format, ImportOptions, Part, UpAxis};
+use super::{FilePosition, Format, ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
 
@@ -223,7 +223,7 @@ mod tests {
     fn tube(radius: f64, matrix: DAffine3) -> Solids {
         let shape = Shape::Cylinder { radius, height: 100.0 };
         let stored_box = [DVec3::new(-radius, -radius, -50.0), DVec3::new(radius, radius, 50.0)];
-        let primitives = vec![Primitive { at: RvmPlace::Byte(77), matrix, stored_box, shape }];
+        let primitives = vec![Primitive { at: FilePosition::Byte(77), matrix, stored_box, shape }];
         Solids { group: 0, material: Some(1), colour_known: true, colour: Rgba8([0; 4]), primitives }
     }
 

@@ -9,14 +9,14 @@ use std::io::{Read, Seek};
 use super::chunks::Chunks;
 use super::file::{File, Order};
 use super::reader::Reader;
-use super::{RvmError, RvmPlace};
+use super::{FilePosition, RvmError};
 use crate::import::report::WarningKind;
 
 /// Reads chunks to the end of the source, and returns where that is.
-pub(super) fn parse(source: impl Read + Seek, file: &mut File<'_>) -> Result<RvmPlace, RvmError> {
+pub(super) fn parse(source: impl Read + Seek, file: &mut File<'_>) -> Result<FilePosition, RvmError> {
     let mut chunks = Chunks::new(source)?;
     while let Some(chunk) = chunks.next()? {
-        let at = RvmPlace::Byte(chunk.at);
+        let at = FilePosition::Byte(chunk.at);
         match &chunk.id {
             b"HEAD" => {
                 let encoding = encoding(&mut chunks.body(&chunk)?).unwrap_or_default();
@@ -39,7 +39,7 @@ pub(super) fn parse(source: impl Read + Seek, file: &mut File<'_>) -> Result<Rvm
             id => file.skip(&id.escape_ascii().to_string()),
         }
     }
-    Ok(RvmPlace::Byte(chunks.length()))
+    Ok(FilePosition::Byte(chunks.length()))
 }
 
 /// The last of a head's strings, if its version has it.
@@ -52,7 +52,7 @@ fn encoding<'a>(body: &mut Reader<'a>) -> Option<&'a [u8]> {
     if version < 2 { None } else { body.string() }
 }
 
-fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
+fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: FilePosition) -> Result<(), RvmError> {
     let version = body.u32().unwrap_or_default();
     let (name, material) = match body.string() {
         // It is followed by a reference point that no primitive depends on.
@@ -66,7 +66,7 @@ fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(),
     file.open(&name, material, transparency.map(u32::from), at)
 }
 
-fn primitive(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) {
+fn primitive(body: &mut Reader<'_>, file: &mut File<'_>, at: FilePosition) {
     // Without a version there is nothing left for the rest either.
     let _version = body.u32();
     file.primitive(body, Order::Columns, at);

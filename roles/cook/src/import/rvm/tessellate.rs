@@ -112,7 +112,7 @@ fn frustum(solid: &mut Solid, low: &End, high: &End, chord: Chord) {
 
 /// Polygons, with corners at the same position shared.
 fn facets(solid: &mut Solid, polygons: &[Polygon]) {
-    let mut triangulator = Triangulator::new();
+    let mut triangulator = Triangulator::default();
     for polygon in polygons {
         let first = solid.positions.len() as u32;
         solid.positions.extend(polygon.iter().flatten());

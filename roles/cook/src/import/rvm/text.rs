@@ -6,7 +6,7 @@
 use super::encoding::{Encoding, lines};
 use super::file::{File, Order};
 use super::shape::{Broken, Numbers};
-use super::{RvmError, RvmPlace};
+use super::{FilePosition, RvmError};
 use crate::import::report::WarningKind;
 
 /// The longest head of a file, bytes.
@@ -20,7 +20,7 @@ pub(in crate::import) fn is_text(start: &[u8]) -> bool {
 }
 
 /// Reads a whole file, and returns its end.
-pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmError> {
+pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<FilePosition, RvmError> {
     // The head is in ASCII, whatever the names' encoding.
     let head = Encoding::default().decode_file(bytes.get(..HEAD).unwrap_or(bytes));
     let (head, _) = single_spaced(lines(&head).collect());
@@ -29,7 +29,7 @@ pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmEr
 
     let (lines, step) = single_spaced(lines(&text).collect());
     for chunk in chunks(&lines) {
-        let at = RvmPlace::Line((chunk.line - 1) * step + 1);
+        let at = FilePosition::Line((chunk.line - 1) * step + 1);
         match chunk.id {
             "HEAD" => file.begin(chunk.encoding())?,
             "MODL" => {}
@@ -52,7 +52,7 @@ pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmEr
             file.leave_out(id, "without its two numbers");
         }
     }
-    Ok(RvmPlace::Line(lines.len() as u64 * step))
+    Ok(FilePosition::Line(lines.len() as u64 * step))
 }
 
 /// Removes the blank line after each line, if each has one: programs that copy text may double line ends.
@@ -65,7 +65,7 @@ fn single_spaced(lines: Vec<&str>) -> (Vec<&str>, u64) {
     (lines, 1)
 }
 
-fn group(chunk: &Chunk<'_, '_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
+fn group(chunk: &Chunk<'_, '_>, file: &mut File<'_>, at: FilePosition) -> Result<(), RvmError> {
     // A reference point that no primitive depends on, the colour's number, the transparency.
     let behind = |first: usize| {
         let mut numbers = chunk.numbers(first);

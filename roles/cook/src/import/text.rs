@@ -1,6 +1,7 @@
-//! The text of OBJ files and their libraries: its encoding and its lines.
+//! The text of OBJ and STL files: its encoding and its lines.
 
 use std::borrow::Cow;
+use std::iter;
 
 use encoding_rs::{Encoding, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use thiserror::Error;
@@ -85,6 +86,11 @@ impl<'t> Lines<'t> {
         Self { rest: text, number: 0 }
     }
 
+    /// The lines as they are, with their numbers: a backslash continues none.
+    pub(super) fn uncontinued(mut self) -> impl Iterator<Item = (u32, &'t str)> {
+        iter::from_fn(move || self.line().map(|line| (self.number, line)))
+    }
+
     /// The next line of the text, unprocessed.
     fn line(&mut self) -> Option<&'t str> {
         if self.rest.is_empty() {
@@ -164,6 +170,15 @@ fn without_comment(line: &str) -> &str {
     };
     let comment = line.match_indices('#').find(starts);
     comment.and_then(|(at, _)| line.get(..at)).unwrap_or(line)
+}
+
+/// The beginning of a text from a file, in quotes.
+pub(super) fn excerpt(text: &str) -> String {
+    const MOST: usize = 60;
+    match text.char_indices().nth(MOST).and_then(|(end, _)| text.get(..end)) {
+        Some(start) => format!("{start:?}..."),
+        None => format!("{text:?}"),
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,4 @@
+//! STL files.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::models::stl(bytes));
