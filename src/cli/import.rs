@@ -1,12 +1,13 @@
 //! `trimaran import`: CAD files to a cooked scene.
 
-use std::path::PathBuf;
+use std::{env, path::PathBuf, time::Duration};
 
 use serde_json::json;
 use trimaran::page::Preparation;
 use trimaran_cook::CookOptions;
 use trimaran_cook::import::{
-    ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, Warning, import,
+    Converter, ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, Warning,
+    find_converter, import,
 };
 
 use super::{
@@ -49,7 +50,8 @@ pub(super) fn read(
     preparation.begin(READING, files.len());
     let read = &mut |progress: Progress<'_>| {
         bar.set_position(progress.files_done as u64);
-        preparation.advance(1);
+        bar.set_message(progress.converted.map_or(READING.into(), |done| format!("{done} % converted")));
+        preparation.advance(usize::from(progress.converted.is_none()));
     };
     let imported = import(files, &reading.import_options(), read).and_then(Imported::with_objects);
     let imported = imported.map_err(Failure::bad_input)?;
@@ -79,12 +81,24 @@ impl ReadingArgs {
                 depth: self.limits.max_depth,
                 attribute_bytes: self.limits.max_attribute_bytes,
             },
+            converter: Converter {
+                program: converter(),
+                timeout: Duration::try_from_secs_f64(self.converter_timeout).unwrap_or(Duration::MAX),
+            },
         }
     }
 
     pub(super) fn cook_options(&self) -> CookOptions {
         CookOptions { max_nodes: self.limits.max_nodes, ..CookOptions::default() }
     }
+}
+
+/// The program that converts STEP and IGES: the one that the environment names, or the one beside this program
+/// or in `PATH`.
+fn converter() -> Option<PathBuf> {
+    let named = env::var_os("TRIMARAN_OCCT").filter(|path| !path.is_empty());
+    let found = || find_converter(env::current_exe().ok().as_deref(), env::var_os("PATH").as_deref());
+    named.map(PathBuf::from).or_else(found)
 }
 
 /// Prints the content of a model, and its warnings.

@@ -8,7 +8,8 @@ use trimaran_cook::{CookOptions, import::ImportLimits};
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm, .rev), OBJ (.obj). Several make one scene.
+    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm, .rev), OBJ, STL, PLY, STEP, IGES. Several make one
+    /// scene.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// Where to write the scene.
@@ -24,8 +25,8 @@ pub(crate) struct ImportArgs {
 /// How files are read.
 #[derive(Debug, Args)]
 pub(crate) struct ReadingArgs {
-    /// How far a tessellated curve may lie from the true one, millimetres (RVM). No curve is cut finer than
-    /// a ten-thousandth of its radius.
+    /// How far a tessellated curve may lie from the true one, millimetres (RVM, STEP, IGES). No curve is cut
+    /// finer than a ten-thousandth of its radius.
     #[arg(
         long,
         value_name = "MM",
@@ -34,12 +35,16 @@ pub(crate) struct ReadingArgs {
         allow_negative_numbers = true
     )]
     pub(crate) chord_tolerance: f64,
-    /// Which way is up in the files [default: y for glTF and OBJ, z for RVM].
+    /// Which way is up in the files [default: y for glTF and OBJ, z for all others].
     #[arg(long, value_enum)]
     pub(crate) up: Option<Up>,
-    /// Metres a unit of the files' coordinates [default: 1 for glTF and OBJ, 0.001 for RVM].
+    /// Metres a unit of the files' coordinates [default: 1 for OBJ and PLY, 0.001 for RVM and STL; glTF, STEP
+    /// and IGES have their own].
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
+    /// How long the converter of STEP and IGES may make no progress, seconds.
+    #[arg(long, value_name = "S", default_value_t = 1800.0, value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) converter_timeout: f64,
     /// Take nothing that would have to be left out or repaired: each warning is an error.
     #[arg(long)]
     pub(crate) strict: bool,

@@ -58,7 +58,7 @@ fn people(text: &str) -> Result<usize, String> {
 /// Reading files and showing them to a browser of this machine.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// A cooked scene, or files of a model: glTF (.glb, .gltf), AVEVA review (.rvm), OBJ (.obj). Several make
+    /// A cooked scene, or files of a model: glTF, AVEVA review (.rvm), OBJ, STL, PLY, STEP, IGES. Several make
     /// one model. With --window also the address that `trimaran serve` has printed elsewhere.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,

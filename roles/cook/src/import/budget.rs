@@ -13,9 +13,8 @@ use thiserror::Error;
 /// The limits of an import over all its files together.
 ///
 /// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand
-/// nodes one list of instances. Memory while importing stays below 64 times the size of the files (including
-/// those that they refer to, and unpacked sizes of packed ones), plus 64 bytes a triangle, 128 a vertex, 512
-/// an object and 8 a byte of attributes of these limits, plus 64 MiB.
+/// nodes one list of instances. Memory while importing stays below [`ImportLimits::memory`] of the size of the
+/// files, including those that they refer to, and unpacked sizes of packed ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLimits {
     /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
@@ -44,6 +43,17 @@ impl ImportLimits {
     pub const MOST_TRIANGLES: u64 = Self::MOST_RECORDS / 3;
     /// The limit of numbering vertices or objects.
     pub const MOST_RECORDS: u64 = u32::MAX as u64 - 1;
+}
+
+impl ImportLimits {
+    /// The memory that an import of files of this many bytes may take, bytes.
+    #[must_use]
+    pub fn memory(&self, files: u64) -> u64 {
+        let attributes = self.attribute_bytes.saturating_mul(8);
+        let parts = [(files, 64), (self.triangles, 64), (self.vertices, 128), (self.objects, 512)];
+        let sum = |sum: u64, (count, each): (u64, u64)| sum.saturating_add(count.saturating_mul(each));
+        parts.into_iter().fold(attributes.saturating_add(64 << 20), sum)
+    }
 }
 
 impl Default for ImportLimits {

@@ -5,6 +5,7 @@ use std::{fmt, io};
 
 use thiserror::Error;
 
+use super::cad::CadError;
 use super::gltf::GltfError;
 use super::obj::ObjError;
 use super::ply::PlyError;
@@ -18,7 +19,9 @@ use crate::ModelError;
 #[non_exhaustive]
 pub enum ImportError {
     /// There are no files.
-    #[error("no input files: name at least one .glb, .gltf, .rvm, .rev, .obj, .stl or .ply file")]
+    #[error(
+        "no input files: name at least one .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or .iges file"
+    )]
     NoFiles,
     /// An option is invalid.
     #[error("the {option} is {value}; it must be a positive, finite number")]
@@ -37,10 +40,22 @@ pub enum ImportError {
         source: io::Error,
     },
     /// The name has no known ending.
-    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl or .ply")]
+    #[error(
+        "{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or .iges"
+    )]
     UnknownFormat {
         /// The file.
         path: PathBuf,
+    },
+    /// The format is a known one that is not read.
+    #[error("{path} is {format}, which is not read: convert it first, {way}")]
+    ToBeConverted {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// How to convert it.
+        way: &'static str,
     },
     /// The name has the ending of one format and the first bytes are of another.
     #[error(
@@ -56,7 +71,7 @@ pub enum ImportError {
     },
     /// A packed file of a format that is not read when packed.
     #[error(
-        "{path} is packed with gzip, and only OBJ, STL and PLY are read so: unpack it first, as with gunzip"
+        "{path} is packed with gzip, and only OBJ, STL, PLY, STEP and IGES are read so: unpack it first, as with gunzip"
     )]
     Packed {
         /// The file.
@@ -103,6 +118,14 @@ pub enum ImportError {
         path: PathBuf,
         /// The error.
         source: ObjError,
+    },
+    /// A STEP or IGES file cannot be converted.
+    #[error("{path}: {source}")]
+    Cad {
+        /// The file.
+        path: PathBuf,
+        /// The error.
+        source: CadError,
     },
     /// An STL file is malformed.
     #[error("{path}: {source}")]

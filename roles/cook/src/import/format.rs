@@ -16,6 +16,10 @@ pub enum Format {
     Rvm,
     /// Wavefront OBJ, with its materials (.mtl) beside it.
     Obj,
+    /// STEP (ISO 10303-21).
+    Step,
+    /// IGES, in its text form.
+    Iges,
     /// STL, in its binary or its text form.
     Stl,
     /// PLY (the Stanford polygon format), in its text form or either binary form.
@@ -58,9 +62,54 @@ impl Format {
             ),
             Some("ply") if bytes.starts_with(b"ply") => Ok(Self::Ply),
             Some("ply") => wrong(".ply", "the letters ply"),
-            _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
+            Some("step" | "stp" | "stpz" | "p21") if is_step(bytes) => Ok(Self::Step),
+            Some("step" | "stp" | "stpz" | "p21") => wrong(".step", "ISO-10303-21;"),
+            Some("iges" | "igs") if is_iges(bytes) => Ok(Self::Iges),
+            Some("iges" | "igs") => wrong(".iges", "a line that has the letter S in its column 73"),
+            other => Err(match other.and_then(converted_by) {
+                Some((format, way)) => ImportError::ToBeConverted { path: path.to_owned(), format, way },
+                None => ImportError::UnknownFormat { path: path.to_owned() },
+            }),
         }
     }
+}
+
+/// The name of a format that is not read, by its ending, and the way to convert it.
+fn converted_by(ending: &str) -> Option<(&'static str, &'static str)> {
+    const AT_HOME: &str = "by exporting it as STEP or glTF from the program that made it";
+    const BLENDER: &str = "by exporting it as glTF from Blender";
+    const MESHLAB: &str = "by exporting it as PLY from MeshLab";
+    const SURFACE: &str = "by making a surface of its points and saving that as PLY, as with CloudCompare";
+    Some(match ending {
+        "ifc" | "ifczip" | "ifcxml" => ("an IFC model", "as with IfcConvert from IfcOpenShell, to .glb"),
+        "brep" | "brp" | "fcstd" => {
+            ("a FreeCAD or Open CASCADE model", "by exporting it as STEP from FreeCAD")
+        }
+        "dwg" | "dxf" | "dgn" => ("a drawing", AT_HOME),
+        "nwd" | "nwc" | "nwf" => ("a Navisworks model", AT_HOME),
+        "rvt" | "rfa" => ("a Revit model", AT_HOME),
+        "sldprt" | "sldasm" | "ipt" | "iam" | "catpart" | "catproduct" | "prt" | "asm" | "par" => {
+            ("a part or assembly of a CAD program", AT_HOME)
+        }
+        "jt" | "x_t" | "x_b" | "sat" | "3dm" | "skp" | "vue" => ("a model of a CAD program", AT_HOME),
+        "fbx" | "dae" | "3ds" | "blend" | "x3d" | "wrl" | "usd" | "usdz" | "usda" | "usdc" | "abc" => {
+            ("a model of an animation program", BLENDER)
+        }
+        "3mf" | "amf" | "off" => ("a mesh", MESHLAB),
+        "las" | "laz" | "e57" | "pcd" | "pts" | "ptx" | "xyz" | "rcp" | "rcs" => ("a point cloud", SURFACE),
+        _ => return None,
+    })
+}
+
+/// Whether a file begins as STEP does.
+fn is_step(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+    bytes.starts_with(b"ISO-10303-21")
+}
+
+/// Whether a file begins as IGES does: its lines have 80 columns, and the 73rd names the section.
+fn is_iges(bytes: &[u8]) -> bool {
+    bytes.get(72) == Some(&b'S')
 }
 
 /// The ending of a file's name, in lower case.
@@ -114,5 +163,25 @@ mod tests {
         let error = Format::of(Path::new("plant.doc"), b"").unwrap_err();
         assert!(error.to_string().starts_with("plant.doc is of no known format"), "{error}");
         assert!(matches!(Format::of(Path::new("glb"), b"glTF"), Err(ImportError::UnknownFormat { .. })));
+    }
+
+    #[test]
+    fn a_format_that_is_not_read_names_its_converter() {
+        let said = |name: &str| Format::of(Path::new(name), b"").unwrap_err().to_string();
+        assert_eq!(
+            said("a/b.IFC"),
+            "a/b.IFC is an IFC model, which is not read: convert it first, as with IfcConvert from IfcOpenShell, to .glb"
+        );
+        assert!(said("a.fbx").contains("Blender") && said("a.e57").contains("point cloud"));
+    }
+
+    #[test]
+    fn step_and_iges_are_known_by_their_first_line() {
+        let step = |name: &str, bytes| Format::of(Path::new(name), bytes);
+        assert_eq!(step("a.STP", b"\r\nISO-10303-21;\n").unwrap(), Format::Step);
+        assert!(matches!(step("a.step", b"<html>"), Err(ImportError::WrongMagic { expected: ".step", .. })));
+        let line = format!("{:72}S      1\n", "made by a test");
+        assert_eq!(step("a.igs", line.as_bytes()).unwrap(), Format::Iges);
+        assert!(matches!(step("a.iges", b"IGES"), Err(ImportError::WrongMagic { expected: ".iges", .. })));
     }
 }

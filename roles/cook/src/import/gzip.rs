@@ -27,8 +27,12 @@ pub(super) struct Unpacked<'b> {
     pub behind: usize,
 }
 
-/// The formats that are read packed, with the start of a file or of a line of text that shows each.
-const READ_PACKED: [(&str, &[u8]); 3] = [("ply", b"ply"), ("stl", b"solid"), ("obj", b"v ")];
+/// The endings of formats that are read packed.
+const READ_PACKED: [&str; 9] = ["obj", "stl", "ply", "step", "stp", "stpz", "p21", "iges", "igs"];
+
+/// The formats that are known by their first bytes.
+const KNOWN: [(&str, &[u8]); 4] =
+    [("step", b"ISO-10303-21"), ("ply", b"ply"), ("stl", b"solid"), ("obj", b"v ")];
 
 /// A file before gzip, if it is packed.
 pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>, ImportError> {
@@ -56,8 +60,7 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>,
             }
             let begins = |start: &[u8]| text.starts_with(start);
             let is_obj = || text.windows(3).any(|start| start == b"\nv ");
-            let found =
-                READ_PACKED.iter().find(|(ending, start)| begins(start) || *ending == "obj" && is_obj());
+            let found = KNOWN.iter().find(|(ending, start)| begins(start) || *ending == "obj" && is_obj());
             let Some((ending, _)) = found else { return Err(ImportError::UnknownFormat { path: owned() }) };
             inner.as_mut_os_string().push(".");
             inner.as_mut_os_string().push(ending);
@@ -68,7 +71,7 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>,
 }
 
 fn is_read_packed(path: &Path) -> bool {
-    ending(path).is_some_and(|ending| READ_PACKED.iter().any(|(known, _)| *known == ending))
+    ending(path).is_some_and(|ending| READ_PACKED.contains(&&*ending))
 }
 
 /// The unpacked data, and the number of significant bytes behind it. Several consecutive streams are one
@@ -155,7 +158,7 @@ mod tests {
         }
         let text = packed(b"a letter\n");
         assert!(said("a.gz", &text).contains("no known format"));
-        assert!(said("a.step", &text).contains("no known format"));
+        assert!(said("a.doc", &text).contains("no known format"));
         assert!(said("a.gz", b"v 0 0 0\n").contains("1F 8B"));
     }
 

@@ -1,4 +1,5 @@
-//! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM), Wavefront OBJ, STL and PLY.
+//! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM), Wavefront OBJ, STL and PLY;
+//! STEP and IGES by a converter.
 //!
 //! [`import`] takes any number of files and makes one model of them. It keeps the data of a walk (shape,
 //! place, base colour, name), but not animation and materials beyond the base colour. The world of the result
@@ -11,6 +12,7 @@
 
 mod assemble;
 mod budget;
+mod cad;
 mod error;
 mod format;
 mod gltf;
@@ -26,6 +28,7 @@ mod rvm;
 mod stl;
 mod text;
 
+use std::borrow::Cow;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -34,6 +37,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 pub use budget::{ImportLimits, NAME_UNIT, OverBudget, Resource};
+pub use cad::{CadError, Converter, find_converter};
 pub use error::{FilePosition, ImportError};
 pub use format::Format;
 pub use gltf::GltfError;
@@ -60,20 +64,28 @@ pub enum UpAxis {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
     /// The largest distance of a tessellated surface from the true one, metres. No curve is cut finer than a
-    /// ten-thousandth of its size. Only RVM has curved surfaces.
+    /// ten-thousandth of its size. RVM, STEP and IGES have curved surfaces.
     pub chord_tolerance: f64,
-    /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for RVM, STL and PLY.
+    /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for all others.
     pub up: Option<UpAxis>,
     /// Metres per unit of length; `None` is each format's own: 1 for OBJ and PLY, 0.001 for RVM and STL. glTF
-    /// is in metres by its specification and ignores it.
+    /// is in metres by its specification, STEP and IGES say their unit, and they ignore it.
     pub unit: Option<f64>,
     /// The limits.
     pub limits: ImportLimits,
+    /// The program that reads STEP and IGES.
+    pub converter: Converter,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { chord_tolerance: 1e-3, up: None, unit: None, limits: ImportLimits::default() }
+        Self {
+            chord_tolerance: 1e-3,
+            up: None,
+            unit: None,
+            limits: ImportLimits::default(),
+            converter: Converter::default(),
+        }
     }
 }
 
@@ -106,21 +118,23 @@ impl Imported {
     }
 }
 
-/// The progress of an import, after each file.
+/// The progress of an import, after each file and while one is converted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress<'a> {
-    /// The file that was just read.
+    /// The file that was just read, or is converted.
     pub file: &'a Path,
-    /// Files read so far, this one included.
+    /// Files read so far.
     pub files_done: usize,
     /// Files in all.
     pub files: usize,
+    /// How far the conversion of the file is, percent; none once the file is read.
+    pub converted: Option<u8>,
 }
 
 /// Reads `paths` into one model: the files' objects one after the other, in the order given.
 ///
 /// The format follows from the file's name, and its first bytes confirm it. Files are read in parallel, and
-/// `progress` is called after each, in the order in which they finish. The result does not depend on that
+/// `progress` is called after each, and for each percent of a STEP or IGES file, in the order in which they finish. The result does not depend on that
 /// order.
 ///
 /// # Errors
@@ -136,16 +150,19 @@ pub fn import(
     options.check()?;
     let budget = Budget::new(options.limits);
     let progress = Mutex::new((0, progress));
+    let tell = |file, converted: Option<u8>| {
+        // A callback that panicked has poisoned the lock; its panic is on its way up already.
+        if let Ok(mut guard) = progress.lock() {
+            guard.0 += usize::from(converted.is_none());
+            let files_done = guard.0;
+            (guard.1)(Progress { file, files_done, files: paths.len(), converted });
+        }
+    };
     let parts: Vec<_> = paths
         .par_iter()
         .map(|path| {
-            let part = import_file(path, options, &budget);
-            // A callback that panicked has poisoned the lock; its panic is on its way up already.
-            if let Ok(mut guard) = progress.lock() {
-                guard.0 += 1;
-                let files_done = guard.0;
-                (guard.1)(Progress { file: path, files_done, files: paths.len() });
-            }
+            let part = import_file(path, options, &budget, &|percent| tell(path, Some(percent)));
+            tell(path, None);
             part
         })
         .collect();
@@ -159,7 +176,7 @@ pub fn import(
 pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Imported, ImportError> {
     options.check()?;
     let budget = Budget::new(options.limits);
-    let part = read(name, None, bytes, options, &budget);
+    let part = read(name, None, bytes, options, &budget, &|_| {});
     assemble::merge(&budget, [(name, part)])
 }
 
@@ -169,7 +186,12 @@ struct Part {
     report: ImportReport,
 }
 
-fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<Part, ImportError> {
+fn import_file(
+    path: &Path,
+    options: &ImportOptions,
+    budget: &Budget,
+    progress: &dyn Fn(u8),
+) -> Result<Part, ImportError> {
     let unread = |source| ImportError::Read { path: path.to_owned(), source };
     if Format::is_named_as_review(path) {
         // These may be larger than memory, so they are read in pieces.
@@ -182,7 +204,7 @@ fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<
             .map_err(|source| ImportError::Rvm { path: path.to_owned(), source });
     }
     let bytes = budget.read(path).map_err(unread)?;
-    read(path, Some(path), &bytes, options, budget)
+    read(path, Some(path), &bytes, options, budget, progress)
 }
 
 /// Reads a file called `name`, at `path` if it is on disk.
@@ -192,6 +214,7 @@ fn read(
     bytes: &[u8],
     options: &ImportOptions,
     budget: &Budget,
+    progress: &dyn Fn(u8),
 ) -> Result<Part, ImportError> {
     let unpacked = gzip::unpacked(name, bytes)?;
     let bytes = &*unpacked.bytes;
@@ -200,6 +223,13 @@ fn read(
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
+        format @ (Format::Step | Format::Iges) => {
+            let kind = if format == Format::Step { cad::Kind::Step } else { cad::Kind::Iges };
+            // The converter reads the file itself, unless it was packed.
+            let path = path.filter(|_| matches!(unpacked.bytes, Cow::Borrowed(_)));
+            cad::import(kind, path, bytes, options, budget, progress)
+                .map_err(|source| ImportError::Cad { path: name.to_owned(), source })
+        }
         Format::Stl => stl::import(&stem(&unpacked.name), bytes, options, budget)
             .map_err(|source| ImportError::Stl { path: name.to_owned(), source }),
         Format::Ply => ply::import(&stem(&unpacked.name), bytes, options, budget)

@@ -137,6 +137,8 @@ pub enum WarningKind {
     CountReplaced,
     /// Solids of an STL file that never end: ended where the file ends.
     SolidLeftOpen,
+    /// Surfaces of STEP and IGES parts of which the converter makes no triangles: left out.
+    SurfaceUnmeshed,
     /// RVM groups with an unknown colour number: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
@@ -312,6 +314,7 @@ impl fmt::Display for WarningKind {
                 "counts of triangles that are placeholders replaced by what the file holds"
             }
             Self::SolidLeftOpen => "solids that never end, ended with their file",
+            Self::SurfaceUnmeshed => "surfaces left out: no triangles can be made of them",
             Self::UnknownColour => "groups without a known colour drawn grey",
             Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
             Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",

@@ -34,17 +34,6 @@ const LIMITS: ImportLimits = ImportLimits {
     attribute_bytes: 4 << 20,
 };
 
-/// The memory limit that [`ImportLimits`] promises for a file of this many bytes.
-fn promised(file: usize) -> u64 {
-    let attributes = 8 * LIMITS.attribute_bytes;
-    64 * file as u64
-        + 64 * LIMITS.triangles
-        + 128 * LIMITS.vertices
-        + 512 * LIMITS.objects
-        + attributes
-        + (64 << 20)
-}
-
 /// A document with the given nodes and primitives. Its accessors: 0 are `vertices` positions, 1 as many
 /// indices; 2 and 3 are as many positions and indices, all zero and without bytes; 4 and 5 are three
 /// positions and three indices.
@@ -305,7 +294,7 @@ fn no_file_takes_more_memory_than_is_promised() {
         let said = String::from_utf8_lossy(&child.stdout);
         let peak = said.lines().find_map(|line| line.split("peak ").nth(1)?.split(' ').next()?.parse().ok());
         let peak: u64 = peak.unwrap_or_else(|| panic!("number {number}: {said}"));
-        let most = promised(file.bytes.len() + file.beside.len());
+        let most = LIMITS.memory((file.bytes.len() + file.beside.len()) as u64);
         println!(
             "{number} {}: {} bytes, {} MB of {} MB",
             file.name,

@@ -13,6 +13,7 @@ mod replay;
 mod cook_giant;
 mod cook_hausdorff;
 mod cook_scene;
+mod import_cad;
 mod import_data;
 mod import_gltf;
 mod import_hostile;

@@ -1,0 +1,220 @@
+//! STEP and IGES by a converter: the real one where it is built, and scripts that fail as it may.
+#![cfg(unix)]
+
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tempfile::TempDir;
+use trimaran_cook::import::{
+    CadError, Converter, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind, find_converter,
+    import,
+};
+
+use crate::import_files::{floats, glb, names};
+
+const STEP: &[u8] = b"ISO-10303-21;\nHEADER;\n";
+
+/// A folder with a file to import, and a script that stands for the converter.
+struct Bench {
+    folder: TempDir,
+    options: ImportOptions,
+}
+
+impl Bench {
+    /// The script is called as `trimaran-occt` is, with its arguments in `$1` to `$6`.
+    fn new(script: &str) -> Self {
+        let folder = TempDir::new().unwrap();
+        let program = folder.path().join("trimaran-occt");
+        fs::write(&program, format!("#!/bin/sh\ncd '{}'\n{script}\n", folder.path().display())).unwrap();
+        fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+        fs::write(folder.path().join("pump.step"), STEP).unwrap();
+        let converter = Converter { program: Some(program), ..Converter::default() };
+        Self { folder, options: ImportOptions { converter, ..ImportOptions::default() } }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn read(&self) -> Result<Imported, ImportError> {
+        import(&[self.path("pump.step")], &self.options, &mut |_| {})
+    }
+
+    fn error(&self) -> CadError {
+        match self.read() {
+            Err(ImportError::Cad { source, .. }) => source,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// The folder that the script got, which it must have written into `folder`.
+    fn temporary(&self) -> PathBuf {
+        fs::read_to_string(self.path("folder")).unwrap().trim().into()
+    }
+}
+
+/// A glTF file of a triangle, placed twice.
+fn triangle() -> Vec<u8> {
+    let json = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0,"name":"left"},{"mesh":1,"name":"right"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]},{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36}]}"#;
+    glb(json, &floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]))
+}
+
+#[test]
+fn the_result_of_the_converter_is_the_model_and_its_lines_are_progress_and_warnings() {
+    let bench = Bench::new(
+        "echo \"$@\" >arguments; echo $3 >folder; cp made.glb $3/model.glb\n\
+         echo progress 7 x; echo some words; echo unmeshed 3 flange 1; echo progress 100",
+    );
+    fs::write(bench.path("made.glb"), triangle()).unwrap();
+    let mut percents = Vec::new();
+    let imported = import(&[bench.path("pump.step")], &bench.options, &mut |progress| {
+        percents.push((progress.converted, progress.files_done));
+    });
+    let imported = imported.unwrap();
+    assert_eq!(percents, [(Some(7), 0), (Some(100), 0), (None, 1)]);
+    assert_eq!((names(&imported), imported.model.meshes.len()), (vec!["left", "right"], 1));
+    assert_eq!(imported.model.sources[0].name, "pump.step");
+    assert_eq!(imported.report.counts(), [(WarningKind::SurfaceUnmeshed, 3)]);
+    assert_eq!(imported.report.warnings[0].objects, ["flange 1"]);
+    assert!(!bench.temporary().exists(), "the temporary folder was left behind");
+    let arguments = fs::read_to_string(bench.path("arguments")).unwrap();
+    let memory = bench.options.limits.memory(STEP.len() as u64);
+    let expected = format!(
+        "step {} {} 0.001 z {memory}\n",
+        bench.path("pump.step").display(),
+        bench.temporary().display()
+    );
+    assert_eq!(arguments, expected);
+}
+
+#[test]
+fn axes_and_packed_files_reach_the_converter() {
+    let mut bench = Bench::new("cat $2 >got; echo $1 $5 >>got; echo $3 >folder; cp made.glb $3/model.glb");
+    fs::write(bench.path("made.glb"), triangle()).unwrap();
+    bench.options.up = Some(UpAxis::Y);
+    let line = format!("{:72}S      1\n", "made by a test");
+    let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packer, line.as_bytes()).unwrap();
+    fs::write(bench.path("pump.igs.gz"), packer.finish().unwrap()).unwrap();
+    let imported = import(&[bench.path("pump.igs.gz")], &bench.options, &mut |_| {}).unwrap();
+    assert_eq!(fs::read_to_string(bench.path("got")).unwrap(), format!("{line}iges y\n"));
+    // What the converter made has y up, whatever the file has.
+    assert_eq!(imported.model.objects[0].to_world.translation.y, 0.5);
+    assert!(!bench.temporary().exists(), "the temporary folder was left behind");
+}
+
+#[test]
+fn each_failure_of_the_converter_is_an_error_that_leaves_nothing_behind() {
+    let fails = |then: &str| {
+        let bench = Bench::new(&format!("echo $3 >folder; echo part >$3/model.glb; {then}"));
+        let error = bench.error();
+        assert!(!bench.temporary().exists(), "{then}: the temporary folder was left behind");
+        error
+    };
+    let CadError::Refused { said } = fails("echo no entity >&2; exit 2") else { panic!() };
+    assert_eq!(said, "no entity");
+    let limit = ImportLimits::default().memory(STEP.len() as u64);
+    assert!(matches!(fails("exit 3"), CadError::Memory { limit: l } if l == limit));
+    let CadError::Crashed { status } = fails("kill -SEGV $$") else { panic!() };
+    assert!(status.contains("signal: 11"), "{status}");
+    assert!(matches!(fails("exit 139"), CadError::Crashed { .. }));
+    // It says that it is done, and its result is no glTF file.
+    assert!(matches!(fails("exit 0"), CadError::Gltf(_)));
+    assert!(matches!(fails("rm $3/model.glb"), CadError::Folder(_)));
+    // It writes much more to standard error than a pipe holds.
+    let CadError::Refused { said } = fails("yes word | head -c 300000 >&2; exit 2") else { panic!() };
+    assert_eq!(said.len(), 999);
+}
+
+#[test]
+fn a_converter_that_is_silent_too_long_is_ended() {
+    let mut bench = Bench::new("echo $3 >folder; echo $$ >pid; echo progress 1; exec sleep 3600");
+    bench.options.converter.timeout = Duration::from_millis(500);
+    let error = bench.error();
+    assert!(matches!(error, CadError::Hung { .. }), "{error}");
+    assert!(error.to_string().contains("for 0.5 seconds") && error.to_string().contains("--converter-timeout"));
+    assert!(!bench.temporary().exists(), "the temporary folder was left behind");
+    let process = fs::read_to_string(bench.path("pid")).unwrap();
+    assert!(!Path::new("/proc").join(process.trim()).exists(), "the converter goes on");
+}
+
+#[test]
+fn a_converter_that_is_not_there_is_an_error_that_says_how_to_get_it() {
+    let mut bench = Bench::new("");
+    bench.options.converter.program = Some(bench.path("lost"));
+    let said = bench.read().unwrap_err().to_string();
+    assert!(said.contains("cannot start") && said.contains("lost") && said.contains("./x occt"), "{said}");
+    bench.options.converter.program = None;
+    let said = bench.read().unwrap_err().to_string();
+    assert!(said.contains("pump.step: STEP and IGES are read by") && said.contains("FreeCAD"), "{said}");
+}
+
+#[test]
+fn the_converter_is_found_beside_the_program_or_in_path() {
+    let bench = Bench::new("");
+    let (here, other) = (bench.path("trimaran"), TempDir::new().unwrap());
+    let folders = std::env::join_paths([other.path(), bench.folder.path()]).unwrap();
+    let found = Some(bench.path("trimaran-occt"));
+    assert_eq!(find_converter(Some(&here), None), found);
+    assert_eq!(find_converter(Some(&other.path().join("trimaran")), Some(&folders)), found);
+    assert_eq!(find_converter(Some(&other.path().join("trimaran")), None), None);
+}
+
+/// The real converter, if it is named, and a file beside the tests.
+fn real(name: &str, options: &ImportOptions) -> Option<Result<Imported, ImportError>> {
+    let Some(program) = std::env::var_os("TRIMARAN_OCCT") else {
+        assert!(std::env::var_os("TRIMARAN_REQUIRE_OCCT").is_none(), "TRIMARAN_OCCT names no converter");
+        println!("skipped: TRIMARAN_OCCT names no converter");
+        return None;
+    };
+    let converter = Converter { program: Some(program.into()), ..Converter::default() };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cad").join(name);
+    Some(import(&[path], &ImportOptions { converter, ..options.clone() }, &mut |_| {}))
+}
+
+/// An assembly of two racks, each with two pins and a plate: millimetres, z up.
+#[test]
+fn an_assembly_has_names_colours_places_and_instances() {
+    let Some(imported) = real("racks.step", &ImportOptions::default()) else { return };
+    let Imported { model, report } = imported.unwrap();
+    assert_eq!(report.warnings, []);
+    assert_eq!((report.objects, report.meshes), (6, 2));
+    let groups: Vec<_> = model.hierarchy.groups.iter().map(|g| (&*g.name, g.objects.clone())).collect();
+    assert_eq!(groups, [("racks.step", 0..6), ("racks", 0..6), ("rack 1", 0..3), ("rack 2", 3..6)]);
+    let names: Vec<_> = model.objects.iter().map(|object| &*object.name).collect();
+    assert_eq!(names, ["plate", "pin 1", "pin 2", "plate", "pin 1", "pin 2"]);
+    let place = |object: usize| model.objects[object].to_world.translation;
+    // The second rack is 3 m above the first.
+    assert!((place(3) - place(0)).abs_diff_eq(glam::DVec3::Y * 3.0, 1e-6), "{} {}", place(3), place(0));
+    let colour = |object: usize| model.meshes[model.objects[object].mesh as usize].colours[0].0;
+    assert_eq!((colour(0), colour(1)), ([255, 0, 0, 255], [0, 0, 255, 255]));
+    // A pin is a cylinder of radius 0.1 m and height 1 m about z.
+    let pin = &model.meshes[model.objects[1].mesh as usize];
+    let high = pin.positions.iter().fold(glam::Vec3::ZERO, |high, p| high.max(p.abs()));
+    assert!(high.abs_diff_eq(glam::Vec3::new(0.1, 0.5, 0.1), 1e-6), "{high}");
+}
+
+#[test]
+fn a_finer_tolerance_makes_more_triangles() {
+    let triangles = |chord_tolerance| {
+        let imported = real("racks.step", &ImportOptions { chord_tolerance, ..ImportOptions::default() })?;
+        Some(imported.unwrap().report.triangles)
+    };
+    let (Some(coarse), Some(fine)) = (triangles(0.01), triangles(0.0001)) else { return };
+    assert!(fine > 3 * coarse, "{fine} and {coarse}");
+}
+
+#[test]
+fn the_real_converter_names_bad_files_and_ends_where_the_memory_does() {
+    let Some(cut) = real("cut.step", &ImportOptions::default()) else { return };
+    let said = cut.unwrap_err().to_string();
+    assert!(said.contains("cut.step: it cannot be converted"), "{said}");
+    let limits = ImportLimits { triangles: 1, vertices: 1, objects: 1, depth: 9, attribute_bytes: 0 };
+    let small = real("racks.step", &ImportOptions { limits, ..ImportOptions::default() }).unwrap();
+    let Err(ImportError::Cad { source: CadError::Memory { .. }, .. }) = small else { panic!("{small:?}") };
+}
