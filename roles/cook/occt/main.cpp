@@ -57,9 +57,10 @@ constexpr double FINEST = 1e-5;
 constexpr double LARGEST_ANGLE = 0.5;
 
 // What to remove when told to end. Made before the handler is set: it may call only functions such as unlink.
-std::string written, unfinished, folder;
+std::string unpacked, written, unfinished, folder;
 
 void end(int) {
+    unlink(unpacked.c_str());
     unlink(written.c_str());
     unlink(unfinished.c_str());
     rmdir(folder.c_str());
@@ -104,11 +105,12 @@ bool read(Reader &reader, const char *path, Handle(TDocStd_Document) & document,
     return reader.ReadFile(path) == IFSelect_RetDone && reader.Transfer(document, progress);
 }
 
-// Makes triangles of each part once, whatever the number of its instances.
-void mesh(const Handle(XCAFDoc_ShapeTool) & shapes, double tolerance, const Message_ProgressRange &range) {
+// Makes triangles of each part once, whatever the number of its instances. Returns the number of faces.
+int mesh(const Handle(XCAFDoc_ShapeTool) & shapes, double tolerance, const Message_ProgressRange &range) {
     TDF_LabelSequence labels;
     shapes->GetShapes(labels);
     Message_ProgressScope progress(range, "meshing", labels.Length());
+    int all = 0;
     for (const TDF_Label &label : labels) {
         const Message_ProgressRange step = progress.Next();
         if (!XCAFDoc_ShapeTool::IsSimpleShape(label)) continue;
@@ -124,12 +126,13 @@ void mesh(const Handle(XCAFDoc_ShapeTool) & shapes, double tolerance, const Mess
         mesher.ChangeParameters() = parameters;
         mesher.Perform(step);
         int unmeshed = 0;
-        for (TopExp_Explorer faces(shape, TopAbs_FACE); faces.More(); faces.Next()) {
+        for (TopExp_Explorer faces(shape, TopAbs_FACE); faces.More(); faces.Next(), ++all) {
             TopLoc_Location place;
             unmeshed += BRep_Tool::Triangulation(TopoDS::Face(faces.Current()), place).IsNull();
         }
         if (unmeshed > 0) std::printf("unmeshed %d %s\n", unmeshed, name_of(label).c_str());
     }
+    return all;
 }
 
 int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
@@ -149,7 +152,9 @@ int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
     }
     if (!is_read) return fail(BAD_FILE, "it cannot be read to its end");
     const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
-    mesh(shapes, tolerance * MILLIMETRES_A_METRE, progress.Next(45));
+    if (mesh(shapes, tolerance * MILLIMETRES_A_METRE, progress.Next(45)) == 0) {
+        return fail(BAD_FILE, "it has no faces: curves and points have no surface to draw");
+    }
 
     RWGltf_CafWriter writer(written.c_str(), true);
     writer.SetMergeFaces(true);
@@ -159,7 +164,7 @@ int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
     writer.SetCoordinateSystemConverter(axes);
     const TColStd_IndexedDataMapOfStringString about;
     if (!writer.Perform(document, about, progress.Next(10))) {
-        return fail(BAD_FILE, "it has no surface that can be meshed, or the disk is full");
+        return fail(BAD_FILE, "its triangles cannot be written: the disk may be full");
     }
     return 0;
 }
@@ -171,6 +176,8 @@ int main(int count, char **words) {
         return fail(BAD_FILE, "usage: trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES");
     }
     folder = words[3];
+    // The import's name for a file that was packed.
+    unpacked = folder + "/input";
     written = folder + "/model.glb";
     // The writer's own name for what it has not joined yet.
     unfinished = written + ".bin.tmp";
