@@ -150,7 +150,7 @@ pub fn import(
     options.check()?;
     let budget = Budget::new(options.limits);
     let progress = Mutex::new((0, progress));
-    let tell = |file, converted: Option<u8>| {
+    let tell = |file: &Path, converted: Option<u8>| {
         // A callback that panicked has poisoned the lock; its panic is on its way up already.
         if let Ok(mut guard) = progress.lock() {
             guard.0 += usize::from(converted.is_none());

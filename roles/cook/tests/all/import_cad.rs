@@ -1,15 +1,15 @@
 //! STEP and IGES by a converter: the real one where it is built, and scripts that fail as it may.
 #![cfg(unix)]
 
-use std::fs::{self, Permissions};
-use std::os::unix::fs::PermissionsExt;
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Duration;
 
 use tempfile::TempDir;
 use trimaran_cook::import::{
-    CadError, Converter, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind, find_converter,
-    import,
+    CadError, Converter, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind,
+    find_converter, import,
 };
 
 use crate::import_files::{floats, glb, names};
@@ -27,8 +27,11 @@ impl Bench {
     fn new(script: &str) -> Self {
         let folder = TempDir::new().unwrap();
         let program = folder.path().join("trimaran-occt");
-        fs::write(&program, format!("#!/bin/sh\ncd '{}'\n{script}\n", folder.path().display())).unwrap();
-        fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+        let text = folder.path().join("script");
+        fs::write(&text, format!("#!/bin/sh\ncd '{}'\n{script}\n", folder.path().display())).unwrap();
+        // Another process writes it: a file that this one has open, or a fork of it, cannot be run.
+        let made = Command::new("install").args(["-m", "755"]).args([&text, &program]).status().unwrap();
+        assert!(made.success());
         fs::write(folder.path().join("pump.step"), STEP).unwrap();
         let converter = Converter { program: Some(program), ..Converter::default() };
         Self { folder, options: ImportOptions { converter, ..ImportOptions::default() } }
@@ -137,7 +140,9 @@ fn a_converter_that_is_silent_too_long_is_ended() {
     bench.options.converter.timeout = Duration::from_millis(500);
     let error = bench.error();
     assert!(matches!(error, CadError::Hung { .. }), "{error}");
-    assert!(error.to_string().contains("for 0.5 seconds") && error.to_string().contains("--converter-timeout"));
+    assert!(
+        error.to_string().contains("for 0.5 seconds") && error.to_string().contains("--converter-timeout")
+    );
     assert!(!bench.temporary().exists(), "the temporary folder was left behind");
     let process = fs::read_to_string(bench.path("pid")).unwrap();
     assert!(!Path::new("/proc").join(process.trim()).exists(), "the converter goes on");
