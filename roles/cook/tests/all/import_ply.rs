@@ -200,7 +200,7 @@ fn headers_that_are_wrong_are_named_by_line() {
         error(file.replace(from, to)).to_string()
     };
     assert!(said("ascii", "ebcdic").contains("line 2 of its header: \"ebcdic 1.0\" is no format"));
-    assert!(said("format ascii 1.0\n", "").contains("line 8 of its header: no line gives the format"));
+    assert!(said("format ascii 1.0\n", "").contains("line 9 of its header: no line gives the format"));
     assert!(said("float z", "quad z").contains("line 7 of its header: \"quad\" is no kind"));
     assert!(said("float z", "float w").contains("line 4 of its header: a vertex has no x, y and z"));
     assert!(said("vertex 4", "vertex four").contains("\"four\" is no number of rows"));
@@ -214,10 +214,10 @@ fn headers_that_are_wrong_are_named_by_line() {
 fn a_value_that_is_none_is_named_by_its_row() {
     let file = square(&["3 0 1 2"]);
     let PlyError::Value { at, element, row, what } = error(file.replace("2 2 0", "2 , 0")) else { panic!() };
-    assert_eq!((at, &*element, row, &*what), (FilePosition::Line(12), "vertex", 3, "\",\" is no number"));
+    assert_eq!((at, &*element, row, &*what), (FilePosition::Line(13), "vertex", 3, "\",\" is no number"));
     assert!(error(square(&["-3 0 1 2"])).to_string().contains("-3 is no length of a list"));
     let PlyError::Cut { at, element, row, rows } = error(square(&["3 0 1 2", "3 0 1"])) else { panic!() };
-    assert_eq!((at, &*element, row, rows), (FilePosition::Line(15), "face", 2, 2));
+    assert_eq!((at, &*element, row, rows), (FilePosition::Line(16), "face", 2, 2));
 }
 
 #[test]

@@ -185,21 +185,35 @@ pub(super) fn import(
 fn shapes(document: &Document, placements: &[Placement]) -> (Vec<Shape>, Vec<usize>) {
     let mut shapes: Vec<Shape> = Vec::new();
     let mut known = HashMap::new();
+    let firsts = first_of_equals(document);
     let number = |placement: &Placement| {
-        let mesh = document.meshes.get(placement.mesh as usize);
+        let first = firsts.get(placement.mesh as usize).copied().unwrap_or(placement.mesh);
+        let mesh = document.meshes.get(first as usize);
         let node = document.nodes.get(placement.node as usize);
         let is_morphed = mesh.is_some_and(|mesh| mesh.primitives.iter().any(|one| !one.targets.is_empty()));
         let own = node.and_then(|node| node.weights.as_deref());
         let weights = own.or(mesh.and_then(|mesh| mesh.weights.as_deref())).unwrap_or_default();
         let weights: &[f32] = if is_morphed { weights } else { &[] };
-        let key = (placement.mesh, weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>());
+        let key = (first, weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>());
         *known.entry(key).or_insert_with(|| {
-            shapes.push(Shape { mesh: placement.mesh, weights: weights.to_vec() });
+            shapes.push(Shape { mesh: first, weights: weights.to_vec() });
             shapes.len() - 1
         })
     };
     let numbers = placements.iter().map(number).collect();
     (shapes, numbers)
+}
+
+/// For each mesh the first one with equal primitives: some programs, Open CASCADE too, write a mesh for each
+/// node.
+fn first_of_equals(document: &Document) -> Vec<u32> {
+    let mut known = HashMap::new();
+    let numbers = (0..).zip(&document.meshes).map(|(number, mesh)| {
+        let is_plain = mesh.primitives.iter().all(|one| one.targets.is_empty() && one.extensions.is_none());
+        let key = mesh.primitives.iter().map(|one| (&one.attributes, one.indices, one.material, one.mode));
+        if is_plain { *known.entry(key.collect::<Vec<_>>()).or_insert(number) } else { number }
+    });
+    numbers.collect()
 }
 
 /// The materials of shapes.

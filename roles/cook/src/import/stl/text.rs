@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{Solid, Solids, StlError};
 use crate::import::assemble::grey;
 use crate::import::report::WarningKind;
-use crate::import::text::{Lines, decode, excerpt, name, statement};
+use crate::import::text::{Lines, decode, excerpt, statement};
 
 /// The facet that is being read.
 #[derive(Default)]
@@ -46,7 +46,7 @@ impl Reader<'_, '_> {
         if first.eq_ignore_ascii_case("solid") {
             self.end_facet(number);
             self.end_solid()?;
-            self.name = Some(name(rest).to_owned());
+            self.name = Some(rest.trim().to_owned());
             return Ok(());
         }
         if first.eq_ignore_ascii_case("endsolid") {
