@@ -1,8 +1,9 @@
 // trimaran-occt: STEP and IGES to glTF (.glb), by Open CASCADE. `trimaran import` runs it as a process of its
 // own: a damaged file may crash the engine or take all memory, and the engine has a licence of its own (LGPL).
 //
-//   trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES
+//   trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES NAME
 //
+// NAME is for parts that have none, and that are in nothing that has one.
 // It writes FOLDER/model.glb: right-handed, y up, metres. Standard output has a line for each step:
 //   progress PERCENT         how far it is
 //   unmeshed COUNT PART      faces of a part that got no triangles, and so are left out
@@ -135,8 +136,24 @@ int mesh(const Handle(XCAFDoc_ShapeTool) & shapes, double tolerance, const Messa
     return all;
 }
 
-int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
+// Names the unnamed parts within a shape after it, or after what it is in.
+void name_below(const TDF_Label &shape, const std::string &name) {
+    TDF_LabelSequence components;
+    XCAFDoc_ShapeTool::GetComponents(shape, components);
+    for (const TDF_Label &component : components) {
+        TDF_Label part;
+        if (!XCAFDoc_ShapeTool::GetReferredShape(component, part)) continue;
+        const std::string own = name_of(part).empty() ? name_of(component) : name_of(part);
+        const std::string known = own.empty() ? name : own;
+        if (name_of(part).empty()) TDataStd_Name::Set(part, TCollection_ExtendedString(known.c_str(), true));
+        name_below(part, known);
+    }
+}
+
+int convert(bool is_step, const char *input, double tolerance, bool is_y_up, const char *name) {
     Message::DefaultMessenger()->ChangePrinters().Clear();
+    // Else parts and instances without a name get one of the engine's own.
+    XCAFDoc_ShapeTool::SetAutoNaming(false);
     const Handle(Printed) printed = new Printed();
     Message_ProgressScope progress(printed->Start(), "reading", 100);
     Handle(TDocStd_Document) document;
@@ -156,8 +173,16 @@ int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
         return fail(BAD_FILE, "it has no faces: curves and points have no surface to draw");
     }
 
+    TDF_LabelSequence roots;
+    shapes->GetFreeShapes(roots);
+    for (const TDF_Label &root : roots) {
+        if (name_of(root).empty()) TDataStd_Name::Set(root, TCollection_ExtendedString(name, true));
+        name_below(root, name_of(root));
+    }
     RWGltf_CafWriter writer(written.c_str(), true);
     writer.SetMergeFaces(true);
+    // Instances are often called `1` or `NAUO7`, and parts what people know them by: "bolt [NAUO7]".
+    writer.SetNodeNameFormat(RWMesh_NameFormat_ProductAndInstance);
     RWMesh_CoordinateSystemConverter axes = writer.CoordinateSystemConverter();
     axes.SetInputLengthUnit(1.0 / MILLIMETRES_A_METRE);
     axes.SetInputCoordinateSystem(is_y_up ? RWMesh_CoordinateSystem_Yup : RWMesh_CoordinateSystem_Zup);
@@ -172,8 +197,8 @@ int convert(bool is_step, const char *input, double tolerance, bool is_y_up) {
 } // namespace
 
 int main(int count, char **words) {
-    if (count != 7) {
-        return fail(BAD_FILE, "usage: trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES");
+    if (count != 8) {
+        return fail(BAD_FILE, "usage: trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES NAME");
     }
     folder = words[3];
     // The import's name for a file that was packed.
@@ -187,7 +212,8 @@ int main(int count, char **words) {
     const rlimit limit = {memory, memory};
     setrlimit(RLIMIT_AS, &limit);
     try {
-        return convert(!std::strcmp(words[1], "step"), words[2], std::atof(words[4]), words[5][0] == 'y');
+        const bool is_step = !std::strcmp(words[1], "step");
+        return convert(is_step, words[2], std::atof(words[4]), words[5][0] == 'y', words[7]);
     } catch (const Standard_OutOfMemory &) {
         return fail(NO_MEMORY, "no memory");
     } catch (const Standard_Failure &failure) {

@@ -227,7 +227,7 @@ fn read(
             let kind = if format == Format::Step { cad::Kind::Step } else { cad::Kind::Iges };
             // The converter reads the file itself, unless it was packed.
             let path = path.filter(|_| matches!(unpacked.bytes, Cow::Borrowed(_)));
-            cad::import(kind, path, bytes, options, budget, progress)
+            cad::import(kind, &stem(&unpacked.name), path, bytes, options, budget, progress)
                 .map_err(|source| ImportError::Cad { path: name.to_owned(), source })
         }
         Format::Stl => stl::import(&stem(&unpacked.name), bytes, options, budget)

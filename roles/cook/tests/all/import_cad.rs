@@ -23,7 +23,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The script is called as `trimaran-occt` is, with its arguments in `$1` to `$6`.
+    /// The script is called as `trimaran-occt` is, with its arguments in `$1` to `$7`.
     fn new(script: &str) -> Self {
         let folder = TempDir::new().unwrap();
         let program = folder.path().join("trimaran-occt");
@@ -88,7 +88,7 @@ fn the_result_of_the_converter_is_the_model_and_its_lines_are_progress_and_warni
     let arguments = fs::read_to_string(bench.path("arguments")).unwrap();
     let memory = bench.options.limits.memory(STEP.len() as u64);
     let expected = format!(
-        "step {} {} 0.001 z {memory}\n",
+        "step {} {} 0.001 z {memory} pump\n",
         bench.path("pump.step").display(),
         bench.temporary().display()
     );
@@ -191,9 +191,12 @@ fn an_assembly_has_names_colours_places_and_instances() {
     assert_eq!(report.warnings, []);
     assert_eq!((report.objects, report.meshes), (6, 2));
     let groups: Vec<_> = model.hierarchy.groups.iter().map(|g| (&*g.name, g.objects.clone())).collect();
-    assert_eq!(groups, [("racks.step", 0..6), ("racks", 0..6), ("rack 1", 0..3), ("rack 2", 3..6)]);
+    assert_eq!(
+        groups,
+        [("racks.step", 0..6), ("racks", 0..6), ("rack [rack 1]", 0..3), ("rack [rack 2]", 3..6)]
+    );
     let names: Vec<_> = model.objects.iter().map(|object| &*object.name).collect();
-    assert_eq!(names, ["plate", "pin 1", "pin 2", "plate", "pin 1", "pin 2"]);
+    assert_eq!(names, ["plate", "pin [pin 1]", "pin [pin 2]", "plate", "pin [pin 1]", "pin [pin 2]"]);
     let place = |object: usize| model.objects[object].to_world.translation;
     // The second rack is 3 m above the first.
     assert!((place(3) - place(0)).abs_diff_eq(glam::DVec3::Y * 3.0, 1e-6), "{} {}", place(3), place(0));
@@ -202,7 +205,7 @@ fn an_assembly_has_names_colours_places_and_instances() {
     // A pin is a cylinder of radius 0.1 m and height 1 m about z.
     let pin = &model.meshes[model.objects[1].mesh as usize];
     let high = pin.positions.iter().fold(glam::Vec3::ZERO, |high, p| high.max(p.abs()));
-    assert!(high.abs_diff_eq(glam::Vec3::new(0.1, 0.5, 0.1), 1e-6), "{high}");
+    assert!(high.abs_diff_eq(glam::Vec3::new(0.1, 1.0, 0.1), 1e-6), "{high}");
 }
 
 #[test]

@@ -207,7 +207,9 @@ fn headers_that_are_wrong_are_named_by_line() {
     assert!(said("vertex 4", "point 4").contains("no element is called vertex"));
     assert!(said("element vertex 4\n", "").contains("line 4 of its header: it is before any element"));
     assert!(said("comment", "remark").contains("\"remark made by a test\" is unknown"));
-    assert!(said("end_header", "comment").contains("ends before end_header"));
+    let whole = square(&["3 0 1 2"]);
+    let (head, _) = whole.split_at(whole.find("end_header").unwrap());
+    assert!(error(head).to_string().contains("line 9 of its header: the file ends before end_header"));
 }
 
 #[test]

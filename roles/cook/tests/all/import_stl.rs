@@ -103,7 +103,7 @@ fn solids_of_the_text_form_are_objects() {
     let text = [
         solid("left arm", &["0 0 0,1 0 0,0 1 0", "1 0 0,1 1 0,0 1 0"]),
         solid("", &["0 0 5,1 0 5,0 1 5"]),
-        solid("hand # 2", &["0 0 9,1e1 0 9,.0 +1. 9,0 -1 9"]),
+        solid("hand # 2", &["0 0 9,1e1 0 9,10. +1 9,.0 1 9"]),
     ];
     let imported = clean(text.concat());
     assert_eq!(names(&imported), ["left arm", "bracket", "hand # 2"]);

@@ -42,9 +42,11 @@ pub(super) enum Kind {
     Iges,
 }
 
-/// Converts a file and reads the result. `path` is where it is on disk, if it is; `progress` gets percents.
+/// Converts a file and reads the result. `stem` is the name of parts that have none and are in nothing that
+/// has one. `path` is where the file is on disk, if it is; `progress` gets percents.
 pub(super) fn import(
     kind: Kind,
+    stem: &str,
     path: Option<&Path>,
     bytes: &[u8],
     options: &ImportOptions,
@@ -72,7 +74,7 @@ pub(super) fn import(
     let memory = options.limits.memory(bytes.len() as u64);
     let mut command = Command::new(program);
     command.arg(kind).arg(&input).arg(folder.path());
-    command.args([&*options.chord_tolerance.to_string(), up, &*memory.to_string()]);
+    command.args([&*options.chord_tolerance.to_string(), up, &*memory.to_string(), stem]);
     let mut unmeshed = Vec::new();
     process::run(&mut command, options.converter.timeout, memory, |line| {
         let mut words = line.splitn(3, ' ');
