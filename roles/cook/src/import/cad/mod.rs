@@ -82,7 +82,7 @@ pub(super) fn import(
         match (word, number) {
             (Some("progress"), Some(percent)) => progress(percent.min(100) as u8),
             (Some("unmeshed"), Some(count)) => {
-                unmeshed.push((count, words.next().unwrap_or_default().to_owned()))
+                unmeshed.push((count, words.next().unwrap_or_default().to_owned()));
             }
             _ => {}
         }

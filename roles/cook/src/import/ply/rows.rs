@@ -16,7 +16,7 @@ pub(super) struct Values<'b> {
 
 /// A row: the values that a walk needs, by their places in [`Row::NAMES`], and a list.
 pub(super) struct Row {
-    pub(super) values: [f64; Row::NAMES.len()],
+    pub(super) values: [f64; Self::NAMES.len()],
     pub(super) list: Vec<f64>,
 }
 
