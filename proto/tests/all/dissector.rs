@@ -355,7 +355,7 @@ fn channels_are_read_by_the_sizes_in_their_hello() {
     let Some(shown) = read(&packets, &fields) else { return };
     let said = "Trimaran: hello of robot/1, channel back lidar";
     assert_eq!(shown[0], format!("4|1|clock;back lidar|{said}"));
-    assert_eq!(shown[1], "|||Trimaran: accept of channel back lidar");
+    assert_eq!(shown[1], "|||Trimaran: accept with version of channel back lidar");
     let fields =
         ["trimaran.channel.value_size", "trimaran.channel.header_size", "trimaran.channel.item_size"];
     assert_eq!(read(&packets[..1], &fields).unwrap(), ["8|12|4"]);
