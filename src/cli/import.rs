@@ -39,8 +39,8 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads the files of a model, with a progress bar, and the progress in `preparation` as well. With `--strict` a
-/// warning is an error.
+/// Reads the files of a model, with a progress bar, and the progress in `preparation` as well. With `--strict`
+/// a warning is an error.
 pub(super) fn read(
     files: &[PathBuf],
     reading: &ReadingArgs,
@@ -93,8 +93,8 @@ impl ReadingArgs {
     }
 }
 
-/// The program that converts STEP and IGES: the one that the environment names, or the one beside this program
-/// or in `PATH`.
+/// The program that converts STEP and IGES: the one that the environment names, or the one beside this
+/// program or in `PATH`.
 fn converter() -> Option<PathBuf> {
     let named = env::var_os("TRIMARAN_OCCT").filter(|path| !path.is_empty());
     let found = || find_converter(env::current_exe().ok().as_deref(), env::var_os("PATH").as_deref());

@@ -33,8 +33,8 @@ pub(super) struct Opened {
 }
 
 impl Preparing {
-    /// Serves it at the model's address, and opens it in a browser if it `is_to_open`.
-    /// `None` if it cannot be served: then the page comes once the model is there, or the service says why not.
+    /// Serves it at the model's address, and opens it in a browser if it `is_to_open`. `None` if it
+    /// cannot be served: then the page comes once the model is there, or the service says why not.
     pub(super) fn begin(address: &Address, ws: &WsOptions, is_to_open: bool) -> Option<Self> {
         let runtime = runtime().ok()?;
         let preparation = Preparation::default();

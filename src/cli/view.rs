@@ -193,7 +193,7 @@ pub(super) fn lasting(wrong: &WrongPixels) -> String {
     format!("for so long     above 0.1 % for {longest_ms:.0} ms; after a jump for {jump_ms:.0} ms")
 }
 
-/// The scene to show: the one given, or that of the files, cooked if necessary. `begin` is called before that.
+/// The scene to show: the one given, or that of the files, cooked if necessary. `begin` is called before.
 fn scene(args: &ViewArgs, begin: impl FnOnce() -> Preparation) -> Result<Shown, Failure> {
     if let [scene] = &args.files[..]
         && is_cooked(scene)

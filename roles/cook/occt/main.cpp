@@ -1,5 +1,5 @@
 // trimaran-occt: STEP and IGES to glTF (.glb), by Open CASCADE. `trimaran import` runs it as a process of its
-// own: a damaged file may crash the engine or take all memory, and the engine has a licence of its own (LGPL).
+// own: a damaged file may crash the engine or take all memory. The engine has a licence of its own (LGPL).
 //
 //   trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES NAME
 //
@@ -57,7 +57,7 @@ constexpr double FINEST = 1e-5;
 // The largest angle between neighbouring chords, radians: small curves stay round.
 constexpr double LARGEST_ANGLE = 0.5;
 
-// What to remove when told to end. Made before the handler is set: it may call only functions such as unlink.
+// Files to remove when told to end. Made before the handler is set: it may call only functions such as unlink.
 std::string unpacked, written, unfinished, folder;
 
 void end(int) {
@@ -198,7 +198,8 @@ int convert(bool is_step, const char *input, double tolerance, bool is_y_up, con
 
 int main(int count, char **words) {
     if (count != 8) {
-        return fail(BAD_FILE, "usage: trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES NAME");
+        return fail(BAD_FILE,
+                    "usage: trimaran-occt step|iges INPUT FOLDER TOLERANCE_M y|z MEMORY_BYTES NAME");
     }
     folder = words[3];
     // The import's name for a file that was packed.

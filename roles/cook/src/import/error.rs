@@ -41,7 +41,8 @@ pub enum ImportError {
     },
     /// The name has no known ending.
     #[error(
-        "{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or .iges"
+        "{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or \
+         .iges"
     )]
     UnknownFormat {
         /// The file.
@@ -71,7 +72,8 @@ pub enum ImportError {
     },
     /// A packed file of a format that is not read when packed.
     #[error(
-        "{path} is packed with gzip, and only OBJ, STL, PLY, STEP and IGES are read so: unpack it first, as with gunzip"
+        "{path} is packed with gzip, and only OBJ, STL, PLY, STEP and IGES are read so: unpack it first, as with \
+         gunzip"
     )]
     Packed {
         /// The file.

@@ -133,9 +133,9 @@ pub struct Progress<'a> {
 
 /// Reads `paths` into one model: the files' objects one after the other, in the order given.
 ///
-/// The format follows from the file's name, and its first bytes confirm it. Files are read in parallel, and
-/// `progress` is called after each, and for each percent of a STEP or IGES file, in the order in which they finish. The result does not depend on that
-/// order.
+/// The format follows from the file's name, and its first bytes confirm it. Files are read in parallel.
+/// `progress` is called after each, in the order in which they finish, and for each percent of a STEP or IGES
+/// file. The result does not depend on that order.
 ///
 /// # Errors
 /// The first file, in the order given, that cannot be read; or invalid options.

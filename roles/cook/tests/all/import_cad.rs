@@ -106,7 +106,7 @@ fn axes_and_packed_files_reach_the_converter() {
     fs::write(bench.path("pump.igs.gz"), packer.finish().unwrap()).unwrap();
     let imported = import(&[bench.path("pump.igs.gz")], &bench.options, &mut |_| {}).unwrap();
     assert_eq!(fs::read_to_string(bench.path("got")).unwrap(), format!("{line}iges y\n"));
-    // What the converter made has y up, whatever the file has.
+    // The converter's output has y up, whichever axis the file has.
     let mesh = &imported.model.meshes[0];
     assert!(mesh.positions.contains(&glam::Vec3::Y), "{:?}", mesh.positions);
     assert!(!bench.temporary().exists(), "the temporary folder was left behind");

@@ -1,9 +1,9 @@
 //! STEP and IGES: exact surfaces, which a program of its own cuts into triangles.
 //!
 //! The program is `trimaran-occt`, by Open CASCADE; its source in `roles/cook/occt` says how it is called. It
-//! writes glTF, which is read as any other: names, colours, hierarchy and instances come from there. The engine
-//! may crash or hang on a damaged file, and its memory cannot be counted beforehand. So it is a process with a
-//! limit of its memory and a timeout.
+//! writes glTF, which is read as any other: names, colours, hierarchy and instances come from there. The
+//! engine may crash or hang on a damaged file, and its memory cannot be counted beforehand. So it is a process
+//! with a limit of its memory and a timeout.
 
 mod error;
 mod process;

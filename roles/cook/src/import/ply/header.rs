@@ -3,7 +3,7 @@
 use super::PlyError;
 use crate::import::text::excerpt;
 
-/// What a file holds.
+/// The contents of a file, as its header declares them.
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     /// In the order of their rows.
