@@ -100,6 +100,15 @@ fn selects(browser: &mut Browser, what: &str, objects: &[u32]) {
     becomes(browser, what, |now| now["selected"] == json!(objects));
 }
 
+/// Waits until the panel has the details of `name`. They come from the service, and with them the path.
+fn is_described(browser: &mut Browser, name: &str) {
+    let is_it = (0..400).any(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        browser.done(json!({ "do": "text", "selector": ".details h2" })) == json!([name])
+    });
+    assert!(is_it, "{name}");
+}
+
 #[test]
 fn a_click_picks_at_the_chosen_level() {
     let bench = Bench::empty();
@@ -199,9 +208,7 @@ fn the_tree_shows_the_row_of_a_pick() {
     click(&mut browser, 0, &[]);
     becomes(&mut browser, "a pick", |now| now["selected"] == json!([0]));
     said(&mut browser, str::is_empty);
-    // The details come from the service, and with them the path.
-    let texts = |browser: &mut Browser| browser.done(json!({ "do": "text", "selector": ".details h2" }));
-    assert!((0..400).any(|_| texts(&mut browser) == json!(["flange"])));
+    is_described(&mut browser, "flange");
     press(&mut browser, "l");
     is_on(&mut browser, "flange");
     // The tree goes on from there.
@@ -209,7 +216,7 @@ fn the_tree_shows_the_row_of_a_pick() {
     is_on(&mut browser, "pipe");
     press(&mut browser, "Escape");
     press(&mut browser, "u");
-    assert!((0..400).any(|_| texts(&mut browser) == json!(["NOZZLE-1"])));
+    is_described(&mut browser, "NOZZLE-1");
     browser.done(json!({ "do": "tab", "name": "In the tree" }));
     press(&mut browser, "Enter");
     is_on(&mut browser, "NOZZLE-1");
@@ -328,6 +335,8 @@ fn a_finger_picks_whole_things_on_a_phone() {
     selects(&mut browser, "a part", &[0, 1]);
     tap(&mut browser, "Parent");
     selects(&mut browser, "the pump", &[0, 1, 2]);
+    // The panel may move the buttons.
+    is_described(&mut browser, "PUMP-1");
     tap(&mut browser, "Ghosts");
     becomes(&mut browser, "ghosts", |now| now["seeThrough"] == json!([3, 4, 5]));
     tap(&mut browser, "In the tree");
