@@ -194,14 +194,12 @@ fn a_session_over_tcp_is_read_id_by_id() {
     assert_eq!(ids.len() as u32, 2 * FRAMES);
     assert!(ids.iter().all(|ids| *ids == "1000"));
     // Three links of four lanes, a hello and an accept each. The connecting side sends settings.
-    let hellos =
-        capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
+    let fields = ["trimaran.version", "trimaran.version.lowest", "trimaran.session", "trimaran.lane"];
+    let hellos = capture.read("trimaran.kind == 1", fields);
     assert_eq!(hellos.len(), 12);
-    assert!(
-        hellos
-            .iter()
-            .all(|[version, session, lane]| version[0] == "4" && session.len() == 1 && lane.len() == 1)
-    );
+    assert!(hellos.iter().all(|[highest, lowest, session, lane]| {
+        highest[0] == "5" && lowest[0] == "4" && session.len() == 1 && lane.len() == 1
+    }));
     let fields = ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch"];
     let hellos = capture.read("trimaran.kind == 1 && trimaran.session_key", fields);
     assert_eq!(hellos.len(), 12, "{hellos:?}");
