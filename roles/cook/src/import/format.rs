@@ -63,7 +63,7 @@ impl Format {
             Some("ply") if bytes.starts_with(b"ply") => Ok(Self::Ply),
             Some("ply") => wrong(".ply", "the letters ply"),
             Some("step" | "stp" | "stpz" | "p21") if is_step(bytes) => Ok(Self::Step),
-            Some("step" | "stp" | "stpz" | "p21") => wrong(".step", "ISO-10303-21;"),
+            Some("step" | "stp" | "stpz" | "p21") => wrong(".step", "ISO-10303-21"),
             Some("iges" | "igs") if is_iges(bytes) => Ok(Self::Iges),
             Some("iges" | "igs") => wrong(".iges", "a line that has the letter S in its column 73"),
             other => Err(match other.and_then(converted_by) {
