@@ -41,6 +41,7 @@
 //! | [`config`] | the configuration of roles and links |
 //! | [`metrics`] | the traffic of links, for Prometheus |
 //! | [`http`] | an HTTP server and client |
+//! | [`notes`] | notes on a scene, in files and as BCF |
 //! | [`page`] | a display in a browser, and the server from which it comes |
 //! | [`scene_cache`] | cooked scenes of models that were viewed |
 //! | `netem` | a simulated network between programs, on Linux |
@@ -60,6 +61,7 @@ pub mod http;
 pub mod metrics;
 #[cfg(all(feature = "lab", target_os = "linux"))]
 pub mod netem;
+pub mod notes;
 pub mod page;
 pub mod report;
 pub mod scene_cache;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use trimaran_cook::import::{ImportError, ImportLimits, ImportOptions, Imported, import_bytes};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_scene::{FORMAT_VERSION, Level, OpenError, Scene};
+use trimaran_scene::{FORMAT_VERSIONS, Level, OpenError, Scene};
 
 /// Small, so that a run is fast.
 const LIMITS: ImportLimits =
@@ -218,9 +218,9 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     };
     let length = file.len() as u64;
     file[..8].copy_from_slice(b"TRIMRN\r\n");
-    // A version that is read stays: both are to be tried.
-    if number(&file[8..12]) as u32 != FORMAT_VERSION {
-        file[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+    // A version that is read stays: all are to be tried.
+    if !FORMAT_VERSIONS.contains(&(number(&file[8..12]) as u32)) {
+        file[8..12].copy_from_slice(&FORMAT_VERSIONS.start().to_le_bytes());
     }
     file[16..24].copy_from_slice(&length.to_le_bytes());
     file[24..32].copy_from_slice(&(directory as u64).to_le_bytes());

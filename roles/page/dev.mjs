@@ -5,19 +5,21 @@
 import { readFileSync } from "node:fs";
 import { createServer, request } from "node:http";
 import { connect } from "node:net";
+import { extname } from "node:path";
 import { build } from "esbuild";
 import { PAGE } from "./build.mjs";
 
 const [service = "127.0.0.1:8080", port = "8081"] = process.argv.slice(2);
 const [host, servicePort] = service.split(":");
-const KINDS = { "/main.js": "text/javascript", "/main.css": "text/css" };
+const KINDS = { ".js": "text/javascript", ".css": "text/css" };
 
 const server = createServer(async (asked, answer) => {
   const path = asked.url?.split("?")[0] ?? "/";
-  if (path in KINDS) {
-    const { outputFiles } = await build({ ...PAGE, minify: false, sourcemap: "inline", write: false });
+  const ending = extname(path);
+  if (ending in KINDS) {
+    const { outputFiles } = await build({ ...PAGE, sourcemap: "inline", write: false });
     const file = outputFiles.find((file) => file.path.endsWith(path));
-    answer.writeHead(200, { "content-type": KINDS[path] }).end(file.contents);
+    answer.writeHead(file ? 200 : 404, { "content-type": KINDS[ending] }).end(file?.contents);
   } else if (path === "/") {
     answer.writeHead(200, { "content-type": "text/html" }).end(readFileSync("static/index.html"));
   } else {

@@ -4,10 +4,12 @@
 mod access;
 #[cfg(feature = "lab")]
 mod audit;
+mod clash;
 #[cfg(feature = "lab")]
 mod compare;
 mod cullers;
 mod links;
+mod notes;
 mod roles;
 mod scenes;
 mod serve;
@@ -23,6 +25,7 @@ use clap_complete::Shell;
 pub(crate) use access::{AccessArgs, TokenCommand};
 #[cfg(feature = "lab")]
 pub(crate) use audit::{AuditCommand, HardArgs, SearchArgs};
+pub(crate) use clash::ClashArgs;
 #[cfg(feature = "lab")]
 pub(crate) use compare::CompareArgs;
 pub(crate) use cullers::CullerArgs;
@@ -31,10 +34,11 @@ pub(crate) use cullers::ScheduleArg;
 #[cfg(feature = "lab")]
 pub(crate) use links::NetemArgs;
 pub(crate) use links::{Coding, PingArgs, StatArgs, StatusArgs};
+pub(crate) use notes::NotesArgs;
 pub(crate) use roles::{
     CheckArgs, ConfigCommand, DeploymentArgs, DoctorArgs, KeysCommand, RoleArgs, RoleCommand,
 };
-pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
+pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Origin, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
 #[cfg(feature = "lab")]
 pub(crate) use sim::{SimArgs, SimLink};
@@ -79,9 +83,13 @@ pub(crate) enum Command {
     Generate(GenerateArgs),
     /// Say what a cooked scene holds.
     Info(InfoArgs),
+    /// Find clashes: pairs of objects that touch, intersect or are too near each other, at full detail.
+    Clash(ClashArgs),
     /// Serve a scene to browsers: they show a page in which to walk. Displays join as well, at
     /// ws://HOST:PORT/link?token=TOKEN, with TLS at wss://.
     Serve(ServeArgs),
+    /// List the notes that people have written on a scene, and exchange them with other programs as BCF.
+    Notes(NotesArgs),
     /// Walk a camera through a scene with the three roles and write a report.
     Run(RunArgs),
     /// Add to a report the pictures and checks that were left out when its walk was stopped; or put many walks

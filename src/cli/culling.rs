@@ -26,6 +26,7 @@ use trimaran_transport::{Net, TokioNet, causes, sleep_until};
 use super::{
     Failure,
     log::SAID,
+    plural,
     served::{Serving, told_of_limits},
     walking::opened,
 };
@@ -207,7 +208,8 @@ impl Host<'_> {
         let frames = stats.read().sent.end.messages;
         match played {
             Err(error) if error.device_failure().is_none() => {
-                tracing::warn!(target: SAID, "{name} is gone after {frames} frames: {}", causes(&error));
+                let frames = plural(frames, "frame", "frames");
+                tracing::warn!(target: SAID, "{name} is gone after {frames}: {}", causes(&error));
                 Ok(End::Lost)
             }
             Err(error) => Err(error),

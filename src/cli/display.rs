@@ -29,6 +29,7 @@ use trimaran_transport::{Endpoint, Instant, Net, causes, until};
 use super::{
     Failure,
     log::SAID,
+    plural,
     recording::{Early, Recording},
     service_manager::ServiceManager,
     walking::{self, MetricsServer, opened},
@@ -261,7 +262,8 @@ impl<'s> DisplaySession<'s> {
                     };
                     let missing = missing.map(named).collect::<Vec<_>>().join(", ");
                     let count = awaited - came.len();
-                    tracing::warn!(target: SAID, "begins without {count} of {awaited} cullers: {missing}");
+                    let due = plural(awaited as u64, "culler", "cullers");
+                    tracing::warn!(target: SAID, "begins without {count} of {due}: {missing}");
                     break;
                 }
             }

@@ -21,7 +21,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     // Any size may be asked for.
     let options = CookOptions { max_nodes: usize::MAX, ..CookOptions::default() };
     let scene = cooking::cook_and_save(&model, &options, &args.output, &Preparation::default())?;
-    let summary = SceneSummary::of(&args.output, &scene);
+    let summary = SceneSummary::of(&args.output, &scene).map_err(Failure::bad_input)?;
     if args.json {
         return print_json(&json!({ "scene": summary }));
     }

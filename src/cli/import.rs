@@ -6,16 +6,16 @@ use serde_json::json;
 use trimaran::page::Preparation;
 use trimaran_cook::CookOptions;
 use trimaran_cook::import::{
-    Converter, ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, Warning,
-    find_converter, import,
+    Converters, Engine, ImportLimits, ImportOptions, ImportReport, Imported, PlantFrame, Progress, UpAxis,
+    Warning, import,
 };
 
 use super::{
     Failure,
-    args::{ImportArgs, ReadingArgs, Up},
+    args::{ImportArgs, Origin, ReadingArgs, Up},
     cooking,
     info::SceneSummary,
-    number, output, print_json, progress,
+    number, output, plural, print_json, progress,
     terminal::word,
 };
 
@@ -31,7 +31,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     }
     let scene =
         cooking::cook_and_save(&imported.model, &args.reading.cook_options(), &args.output, &preparation)?;
-    let summary = SceneSummary::of(&args.output, &scene);
+    let summary = SceneSummary::of(&args.output, &scene).map_err(Failure::bad_input)?;
     if args.json {
         return print_json(&json!({ "import": report_json(&imported.report), "scene": summary }));
     }
@@ -74,6 +74,10 @@ impl ReadingArgs {
                 Up::Z => UpAxis::Z,
             }),
             unit: self.unit,
+            plant: PlantFrame {
+                origin: self.origin.map_or([0.0; 3], |Origin(origin)| origin),
+                north_deg: self.north,
+            },
             limits: ImportLimits {
                 triangles: self.limits.max_triangles,
                 vertices: self.limits.max_vertices,
@@ -81,8 +85,9 @@ impl ReadingArgs {
                 depth: self.limits.max_depth,
                 attribute_bytes: self.limits.max_attribute_bytes,
             },
-            converter: Converter {
-                program: converter(),
+            converters: Converters {
+                occt: converter(Engine::OpenCascade),
+                ifc: converter(Engine::IfcOpenShell),
                 timeout: Duration::try_from_secs_f64(self.converter_timeout).unwrap_or(Duration::MAX),
             },
         }
@@ -93,32 +98,31 @@ impl ReadingArgs {
     }
 }
 
-/// The program that converts STEP and IGES: the one that the environment names, or the one beside this
-/// program or in `PATH`.
-fn converter() -> Option<PathBuf> {
-    let named = env::var_os("TRIMARAN_OCCT").filter(|path| !path.is_empty());
-    let found = || find_converter(env::current_exe().ok().as_deref(), env::var_os("PATH").as_deref());
+/// An engine's program: the one that the environment names, or the one beside this program or in `PATH`.
+fn converter(engine: Engine) -> Option<PathBuf> {
+    let named = env::var_os(engine.variable()).filter(|path| !path.is_empty());
+    let found = || engine.find(env::current_exe().ok().as_deref(), env::var_os("PATH").as_deref());
     named.map(PathBuf::from).or_else(found)
 }
 
 /// Prints the content of a model, and its warnings.
 pub(super) fn print_report(report: &ImportReport) {
     println!(
-        "read {} files: {} objects, {} triangles ({} stored, the rest instances)",
-        report.files,
-        number(report.objects),
-        number(report.triangles),
+        "read {}: {}, {} ({} stored, the rest instances)",
+        plural(report.files, "file", "files"),
+        plural(report.objects, "object", "objects"),
+        plural(report.triangles, "triangle", "triangles"),
         number(report.unique_triangles)
     );
     if report.box_mismatches > 0 {
         println!(
-            "  {} primitives differ by more than 5 % from the box stored with them",
-            number(report.box_mismatches)
+            "  {} by more than 5 % from the box stored with them",
+            plural(report.box_mismatches, "primitive differs", "primitives differ")
         );
     }
     if report.parts > 0 {
-        let (matched, parts) = (number(report.parts_matched), number(report.parts));
-        println!("  attributes: {matched} of {parts} parts matched");
+        let (matched, parts) = (number(report.parts_matched), plural(report.parts, "part", "parts"));
+        println!("  attributes: {matched} of {parts} matched");
     }
     for warning in &report.warnings {
         println!("  {}", word(&warning.to_string()));

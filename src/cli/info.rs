@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Records, Scene, Sides};
+use trimaran_scene::{Coordinates, FileFrame, Node, PlantFrame, ReadError, Records, Scene, Sides, UpAxis};
 
 use super::{Failure, args::InfoArgs, number, terminal::word};
 
@@ -43,17 +43,38 @@ pub(super) struct SceneSummary {
     /// The world box, metres, y up.
     min: [f64; 3],
     max: [f64; 3],
+    /// The plant's coordinates.
+    plant: Plant,
+    /// The coordinates of the source files, in their order; those past the end have glTF's: y up, in metres.
+    source_frames: Vec<FileFrame>,
+}
+
+/// East, north and up, metres, as `info --json` prints them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Plant {
+    /// The frame: the coordinates of the scene's origin, and the direction of north.
+    #[serde(flatten)]
+    frame: PlantFrame,
+    /// The least and the largest coordinates of the world box.
+    min: [f64; 3],
+    max: [f64; 3],
 }
 
 impl SceneSummary {
-    pub(super) fn of(path: &Path, scene: &Scene) -> Self {
+    /// The content of a scene, whose file is at `path`.
+    ///
+    /// # Errors
+    /// If its coordinates cannot be read.
+    pub(super) fn of(path: &Path, scene: &Scene) -> Result<Self, ReadError> {
+        let Coordinates { plant: frame, files: source_frames } = scene.coordinates()?;
         let nodes = scene.nodes();
         let tree = Tree::of(nodes);
         let (min, max) = nodes.first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
         let count = |has: &dyn Fn(Sides) -> bool| {
             scene.drawables().iter().filter(|drawable| has(drawable.sides)).count()
         };
-        Self {
+        let [low, high] = frame.bounds(min, max);
+        Ok(Self {
             file: path.display().to_string(),
             file_bytes: std::fs::metadata(path).map_or(0, |file| file.len()),
             hash: scene.hash().to_string(),
@@ -71,7 +92,9 @@ impl SceneSummary {
             vertices_stored: scene.totals().stored_vertices,
             min: min.to_array(),
             max: max.to_array(),
-        }
+            plant: Plant { frame, min: low.to_array(), max: high.to_array() },
+            source_frames,
+        })
     }
 
     pub(super) fn print(&self) {
@@ -80,6 +103,8 @@ impl SceneSummary {
         println!("  size        {:.1} MB, fingerprint {}", self.file_bytes as f64 / 1e6, self.hash);
         println!("  from        {}", word(&self.sources.join(", ")));
         println!("  extent      {:.2} x {:.2} x {:.2} m (y up)", size.x, size.y, size.z);
+        println!("  plant       {}", self.plant.text());
+        println!("  axes        {}", self.axes());
         println!("  objects     {}", number(self.objects as u64));
         println!(
             "  triangles   {} at full detail; {} stored over all levels",
@@ -100,6 +125,58 @@ impl SceneSummary {
             number(self.solids as u64),
             number(self.open_solids as u64)
         );
+    }
+}
+
+impl SceneSummary {
+    /// The axes and units of the source files, in words.
+    fn axes(&self) -> String {
+        let frames = &self.source_frames;
+        let first = frames.first().copied().unwrap_or_default();
+        let frame_of = |index: usize| frames.get(index).copied().unwrap_or_default();
+        if (0..self.sources.len()).all(|index| frame_of(index) == first) {
+            return axes(first);
+        }
+        let of = |(index, name): (usize, &String)| format!("{name}: {}", axes(frame_of(index)));
+        word(&self.sources.iter().enumerate().map(of).collect::<Vec<_>>().join("; ")).into_owned()
+    }
+}
+
+/// The axes of a file as directions of the plant, and its unit.
+fn axes(FileFrame { up, metres_per_unit }: FileFrame) -> String {
+    let directions = match up {
+        UpAxis::Y => "x east, y up, z south",
+        UpAxis::Z => "x east, y north, z up",
+    };
+    match metres_per_unit {
+        Some(1.0) => format!("{directions}; in metres"),
+        Some(0.001) => format!("{directions}; in millimetres"),
+        Some(unit) => format!("{directions}; {unit} m a unit"),
+        None => format!("{directions}; converted to metres"),
+    }
+}
+
+impl Plant {
+    /// The extent, and the frame where it is not that of the files.
+    fn text(&self) -> String {
+        let Self { frame: PlantFrame { origin, north_deg }, min, max } = *self;
+        // The sum with zero leaves no negative zero.
+        let [min, max] =
+            [min, max].map(|corner| corner.map(|metres| (metres * 1000.0).round() / 1000.0 + 0.0));
+        let extent = format!(
+            "E {:.3} to {:.3}, N {:.3} to {:.3}, U {:.3} to {:.3} m",
+            min[0], max[0], min[1], max[1], min[2], max[2]
+        );
+        let [east, north, up] = origin;
+        let shift = match origin == [0.0; 3] {
+            true => String::new(),
+            false => format!("; the files' origin is at E {east:.3}, N {north:.3}, U {up:.3} m"),
+        };
+        let turn = match north_deg == 0.0 {
+            true => String::new(),
+            false => format!("; north is {north_deg} degrees clockwise from theirs"),
+        };
+        extent + &shift + &turn
     }
 }
 
@@ -133,7 +210,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
     let scene = Scene::open(&args.scene).map_err(Failure::bad_input)?;
     // Checks all of it: an overview of a damaged file would be wrong.
     scene.check().map_err(Failure::bad_input)?;
-    let summary = SceneSummary::of(&args.scene, &scene);
+    let summary = SceneSummary::of(&args.scene, &scene).map_err(Failure::bad_input)?;
     if args.json {
         super::print_json(&summary)
     } else {

@@ -10,6 +10,7 @@ mod args;
 #[cfg(feature = "lab")]
 mod audit;
 mod browser;
+mod clash;
 #[cfg(feature = "lab")]
 mod compare;
 mod config;
@@ -29,6 +30,7 @@ mod log;
 mod man;
 #[cfg(all(feature = "lab", target_os = "linux"))]
 mod netem;
+mod notes;
 mod output;
 mod ping;
 mod preparing;
@@ -90,8 +92,10 @@ pub(crate) fn main() -> ExitCode {
         eprintln!("trimaran: {failure}");
         return failure.exit_code();
     }
-    if let Command::Status(args) = &cli.command {
-        return status::run(args);
+    match &cli.command {
+        Command::Status(args) => return status::run(args),
+        Command::Clash(args) => return clash::run(args),
+        _ => {}
     }
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
@@ -115,6 +119,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         }
         Command::Man { folder } => man::run(&folder),
         Command::Serve(args) => serve::run(&args),
+        Command::Notes(args) => notes::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Report(args) => report::run(&args),
         #[cfg(feature = "lab")]
@@ -138,8 +143,8 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Token(command) => token::run(&command),
         Command::Ping(args) => ping::run(&args),
         Command::Stat(args) => stat::run(&args),
-        // Its exit codes are of its own.
-        Command::Status(_) => Ok(()),
+        // Their exit codes are of their own.
+        Command::Status(_) | Command::Clash(_) => Ok(()),
         Command::Demo(args) => demo::run(&args),
     }
 }
@@ -161,4 +166,9 @@ fn printed(written: io::Result<()>) -> Result<(), Failure> {
 /// A count with a comma every three digits.
 fn number(count: u64) -> String {
     HumanCount(count).to_string()
+}
+
+/// A count, and behind it `one` or `many`.
+fn plural(count: u64, one: &str, many: &str) -> String {
+    format!("{} {}", number(count), if count == 1 { one } else { many })
 }

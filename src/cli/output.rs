@@ -39,6 +39,13 @@ pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_sce
 /// Pages of the report.
 pub(super) const PAGE: Kind =
     Kind { name: "page of a report", begins: |bytes| bytes.starts_with(b"<!DOCTYPE html>") };
+/// Notes for other programs.
+pub(super) const BCF: Kind = Kind { name: "BCF file", begins: |bytes| bytes.starts_with(b"PK\x03\x04") };
+/// Lists of clashes.
+pub(super) const CLASHES: Kind = Kind {
+    name: "list of clashes",
+    begins: |bytes| bytes.starts_with(b"kind,distance_m") || bytes.starts_with(b"clashes,hard,"),
+};
 /// Traces of walks.
 #[cfg(feature = "lab")]
 pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use tokio::runtime::Runtime;
-use trimaran::page::{Preparation, Token};
+use trimaran::page::{FrameAncestor, Preparation, Token};
 use trimaran_transport::{TokioNet, ws::WsOptions};
 
 use super::{
@@ -35,12 +35,17 @@ pub(super) struct Opened {
 impl Preparing {
     /// Serves it at the model's address, and opens it in a browser if it `is_to_open`. `None` if it
     /// cannot be served: then the page comes once the model is there, or the service says why not.
-    pub(super) fn begin(address: &Address, ws: &WsOptions, is_to_open: bool) -> Option<Self> {
+    pub(super) fn begin(
+        address: &Address,
+        ws: &WsOptions,
+        ancestors: &[FrameAncestor],
+        is_to_open: bool,
+    ) -> Option<Self> {
         let runtime = runtime().ok()?;
         let preparation = Preparation::default();
         let token = address.token(&TokioNet::new(runtime.handle().clone())).ok()?;
         preparation.begin(READING, 0);
-        let at = preparation.serve(&token, address.listen(), ws, runtime.handle()).ok()??;
+        let at = preparation.serve(&token, address.listen(), ws, ancestors, runtime.handle()).ok()??;
         let url = format!("http://{at}/?token={}", token.as_str());
         let opened = if is_to_open { browser::open(&url).ok() } else { None };
         Some(Self { preparation, at, token, opened, _runtime: runtime })

@@ -128,7 +128,8 @@ impl Recording<'_> {
         };
         let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
         if let Some(said) = ended.sentence(frames) {
-            tracing::warn!(target: SAID, "the walk {said}; reporting it");
+            // The error with which the process ends says it once more: a journal has one fault of it.
+            tracing::info!(target: SAID, "the walk {said}; reporting it");
         }
         let bar = progress::bar("reporting", records.len() as u64);
         let is_given_up = Grace::of(&stop).into_gives_up();

@@ -6,7 +6,11 @@ use tokio::sync::{mpsc, oneshot};
 use trimaran::{
     config::options,
     culling::CullingMethod,
-    page::{Drive, DriveReport, PageOptions, Pages, Proxies, SceneDescription, Tls, TlsFiles, model_name},
+    notes::NotesFolder,
+    page::{
+        Drive, DriveReport, FrameAncestor, PageOptions, Pages, Proxies, SceneDescription, Tls, TlsFiles,
+        model_name,
+    },
 };
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
 use trimaran_transport::{Endpoints, Net, Options, TokioNet};
@@ -34,6 +38,11 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         tokens: TokenSource::from(&args.access),
         tls: args.access.tls(),
         proxies: args.access.proxies(),
+        notes: NotesFolder::new(
+            args.notes.clone().unwrap_or_else(|| NotesFolder::beside(&args.scene)),
+            !args.read_only,
+        ),
+        frame_ancestors: args.embedding.frame_ancestors.clone(),
         metrics: args.metrics,
         device: &args.device,
         guests: args.guests,
@@ -59,6 +68,8 @@ pub(super) struct Service<'s> {
     pub(super) tokens: TokenSource<'s>,
     pub(super) tls: Option<TlsFiles>,
     pub(super) proxies: Proxies,
+    pub(super) notes: NotesFolder,
+    pub(super) frame_ancestors: Vec<FrameAncestor>,
     pub(super) metrics: Option<SocketAddr>,
     pub(super) device: &'s DeviceArgs,
     pub(super) guests: GuestArgs,
@@ -92,7 +103,15 @@ impl Service<'_> {
         let described = SceneDescription::new(self.name, &file.scene).map_err(Failure::broken)?;
         let description = SceneDescription { max_picture, ..described };
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
-        let served = PageOptions { tokens, tls, proxies: self.proxies, ws, tcp };
+        let served = PageOptions {
+            tokens,
+            tls,
+            proxies: self.proxies,
+            notes: self.notes,
+            frame_ancestors: self.frame_ancestors,
+            ws,
+            tcp,
+        };
         let pages = Pages::new(&file.scene, &description, served, drive).map_err(Failure::bad_input)?;
         net.spawn(Box::pin(keep(pages.clone(), token_file, hang_ups, Arc::clone(&net))));
         let mut options = self.options.with_transports(vec![Arc::new(pages.clone())]);

@@ -12,7 +12,8 @@ use bytesize::ByteSize;
 use tempfile::TempDir;
 use trimaran::{
     config::options,
-    page::{DriveReport, Preparation, Proxies, WrongPixels, model_name},
+    notes::NotesFolder,
+    page::{DriveReport, LongTasks, Preparation, Proxies, WrongPixels, model_name},
     scene_cache::{CacheError, CachedScene},
 };
 use trimaran_scene::{Scene, path::PosePath};
@@ -57,7 +58,8 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let shown = scene(args, || {
         // A walk's times are those of a page that has its model.
         if args.drive.is_none() {
-            preparing = Preparing::begin(&address, &options.ws, !args.no_browser);
+            let ancestors = &args.embedding.frame_ancestors;
+            preparing = Preparing::begin(&address, &options.ws, ancestors, !args.no_browser);
         }
         preparing.as_ref().map(Preparing::preparation).unwrap_or_default()
     });
@@ -77,6 +79,9 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         tokens,
         tls: None,
         proxies: Proxies::default(),
+        // Beside the model: a scene in the cache may be removed.
+        notes: NotesFolder::new(NotesFolder::beside(args.files.first().unwrap_or(&scene)), true),
+        frame_ancestors: args.embedding.frame_ancestors.clone(),
         metrics: None,
         device: &args.device,
         guests: args.guests,
@@ -150,6 +155,8 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
         format!("between two     {:.1} ms, p95 {:.1} ms", report.picture_ms, report.picture_p95_ms),
         format!("sets are old    {:.0} ms, p95 {:.0} ms", report.set_age_ms, report.set_age_p95_ms),
         format!("at rest         exact after {:.0} ms", report.rest_ms),
+        long(report.long_tasks.as_ref()),
+        format!("a pick takes    {:.1} ms, at most {:.1} ms", report.pick_ms, report.longest_pick_ms),
         right(wrong),
         lasting(wrong),
         format!(
@@ -172,6 +179,18 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
     });
     let lines: Vec<String> = lines.into_iter().chain(moments).collect();
     printed(writeln!(stdout(), "{}", lines.join("\n")))
+}
+
+/// The page's long tasks, in words.
+fn long(tasks: Option<&LongTasks>) -> String {
+    let told = match tasks {
+        None => "unknown to this browser".to_owned(),
+        Some(LongTasks { count: 0, .. }) => "none above 50 ms".to_owned(),
+        Some(LongTasks { count, longest_ms }) => {
+            format!("{count} above 50 ms, the longest {longest_ms:.0} ms")
+        }
+    };
+    format!("long tasks      {told}")
 }
 
 /// The wrong pixels of a walk, in words.

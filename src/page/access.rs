@@ -13,7 +13,7 @@ use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
 
 use super::{
     Token,
-    tokens::{PersonName, TokenEntry, TokenHash, Tokens},
+    tokens::{May, PersonName, TokenEntry, TokenHash, Tokens},
 };
 
 /// A token that is valid now.
@@ -21,6 +21,8 @@ use super::{
 pub(super) struct Grant {
     /// Its person's name, if it is one person's.
     pub(super) name: Option<PersonName>,
+    /// The rights of its holder.
+    pub(super) may: May,
     sha256: TokenHash,
     ends_at: Option<SystemTime>,
     ended: CancellationToken,
@@ -33,12 +35,19 @@ pub(super) struct Access(RwLock<Vec<Grant>>);
 impl Access {
     /// Takes these tokens in place of those before. Links of a token that is among both go on.
     pub(super) fn replace(&self, tokens: &Tokens) {
-        let new = |name, sha256, ends_at| Grant { name, sha256, ends_at, ended: CancellationToken::new() };
+        let new = |name, sha256, ends_at, may| Grant {
+            name,
+            may,
+            sha256,
+            ends_at,
+            ended: CancellationToken::new(),
+        };
         let mut next: Vec<Grant> = match tokens {
-            Tokens::One(token) => vec![new(None, TokenHash::of(token.as_str()), None)],
+            Tokens::One(token) => vec![new(None, TokenHash::of(token.as_str()), None, May::Write)],
             Tokens::Listed(list) => {
-                let grant =
-                    |entry: &TokenEntry| new(Some(entry.name.clone()), entry.sha256.clone(), entry.ends_at());
+                let grant = |entry: &TokenEntry| {
+                    new(Some(entry.name.clone()), entry.sha256.clone(), entry.ends_at(), entry.may)
+                };
                 list.0.iter().map(grant).collect()
             }
         };
@@ -141,6 +150,7 @@ mod tests {
             name: name.parse().unwrap(),
             sha256: TokenHash::of(token),
             until: until.map(|until| until.parse().unwrap()),
+            may: May::default(),
         };
         Tokens::Listed(TokenList(entries.iter().map(entry).collect()))
     }
@@ -180,6 +190,23 @@ mod tests {
         access.expire(end);
         assert!(access.grant(ADA).is_none() && ada.ended.is_cancelled());
         assert!(access.grant(BOB).is_some());
+    }
+
+    /// A token that may only look stays one: its links go on when that changes.
+    #[test]
+    fn what_a_holder_may_do_is_as_the_file_says_now() {
+        let may = |may| {
+            let Tokens::Listed(TokenList(mut entries)) = listed(&[("ada", ADA, None)]) else { panic!() };
+            entries[0].may = may;
+            Tokens::Listed(TokenList(entries))
+        };
+        let access = access(&may(May::Look));
+        let ada = access.grant(ADA).unwrap();
+        assert_eq!(ada.may, May::Look);
+        access.replace(&may(May::Write));
+        assert_eq!((access.grant(ADA).unwrap().may, ada.ended.is_cancelled()), (May::Write, false));
+        access.replace(&Tokens::One(ADA.parse().unwrap()));
+        assert_eq!(access.grant(ADA).unwrap().may, May::Write);
     }
 
     #[test]

@@ -162,7 +162,8 @@ impl Waiting {
     }
 }
 
-fn busy() -> Response<Body> {
+/// Says that it is too much at once, and when to ask again.
+pub(super) fn busy() -> Response<Body> {
     let mut response =
         plain(StatusCode::SERVICE_UNAVAILABLE, "too many ask at once: ask again in a second\n");
     response.headers_mut().insert(header::RETRY_AFTER, header::HeaderValue::from_static("1"));

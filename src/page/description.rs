@@ -4,7 +4,7 @@ use std::{path::PathBuf, sync::Arc};
 
 use serde::{Serialize, Serializer};
 use trimaran_proto::{ObjectSet, Viewport};
-use trimaran_scene::{Bounds, Overview, Scene, heightfield::Heightfield, path::AutoPathError};
+use trimaran_scene::{Bounds, Overview, PlantFrame, Scene, heightfield::Heightfield, path::AutoPathError};
 use trimaran_transport::{Endpoint, Name};
 
 use super::network::{self, SimulatedNetwork};
@@ -23,8 +23,12 @@ pub struct SceneDescription {
     pub min: [f64; 3],
     /// The upper corner.
     pub max: [f64; 3],
+    /// The plant's coordinates.
+    pub plant: PlantFrame,
     /// The box around it without the few objects that lie far from all others.
     pub core: Bounds,
+    /// Points that a view of all of that must show.
+    pub outermost: Vec<[f64; 3]>,
     /// The model's see-through objects, with which the page begins. Runs, as [`ObjectSet`] codes them.
     pub see_through: ObjectSet,
     /// Whether there are floors to walk on.
@@ -87,6 +91,8 @@ impl SceneDescription {
             objects: scene.outline().objects,
             min: min.to_array(),
             max: max.to_array(),
+            plant: scene.coordinates()?.plant,
+            outermost: scene.outermost_points(&core)?,
             core,
             see_through: scene.see_through().clone(),
             has_floors,

@@ -43,6 +43,12 @@ pub struct DriveReport {
     pub set_age_p95_ms: f64,
     /// Milliseconds from the last pose to its exact picture, with the eye at rest.
     pub rest_ms: f64,
+    /// Tasks of the page above 50 ms during the walk, if the browser tells: the Long Tasks API.
+    pub long_tasks: Option<LongTasks>,
+    /// Milliseconds from a click to its object, with the eye at rest: the median.
+    pub pick_ms: f64,
+    /// The longest of them.
+    pub longest_pick_ms: f64,
     /// Bytes that the page received until then.
     pub received_bytes: u64,
     /// Bytes of geometry on its graphics device, at most.
@@ -51,6 +57,16 @@ pub struct DriveReport {
     pub moments: Vec<Moment>,
     /// The differences between its pictures and the exact ones.
     pub wrong: WrongPixels,
+}
+
+/// Tasks of more than 50 ms: input waits for their end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+pub struct LongTasks {
+    /// How many there were.
+    pub count: u32,
+    /// The longest, milliseconds.
+    pub longest_ms: f64,
 }
 
 /// The traffic of a page since its start, and its memory, at one time of its walk.

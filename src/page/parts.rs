@@ -1,31 +1,27 @@
-//! Pages' questions about a scene's objects: details, the hierarchy, search.
+//! Pages' questions about a scene's objects: details, the hierarchy.
 
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use serde::Serialize;
-use trimaran_scene::{Attribute, Bounds, Extent, Group, Hierarchy, Level, Node, ReadError, Scene};
+use trimaran_scene::{Attribute, Bounds, Extent, Group, Hierarchy, ReadError, Scene};
 
 use super::sides::{Side, sides};
 
 /// The most parts in a list of a group's children.
 const CHILDREN: usize = 500;
-/// The most parts in an answer to a search.
-const FOUND: usize = 100;
 /// The most bytes of a list in an answer. An answer has at most two lists.
 const LIST: usize = 256 << 10;
 /// The most bytes of a part's name, and of an attribute's name and value. Longer ones are cut.
-const NAME: usize = 256;
+pub(super) const NAME: usize = 256;
 const VALUE: usize = 4096;
 /// Marks the end of a cut text.
 const CUT: char = '…';
-/// Parts between two checks whether the client still waits for the answer.
-const BETWEEN_LOOKS: u32 = 64;
 
 /// The objects of a scene, and their groups.
 #[derive(Debug)]
 pub(super) struct Parts {
     scene: Arc<Scene>,
-    hierarchy: Hierarchy,
+    hierarchy: Arc<Hierarchy>,
     /// The groups in each group; under none the outermost ones.
     groups: HashMap<Option<u32>, Vec<u32>>,
 }
@@ -78,18 +74,31 @@ pub(super) struct Details {
     attribute_count: usize,
 }
 
+#[cfg(test)]
+impl Part {
+    /// Its kind and its number.
+    pub(super) fn key(&self) -> (&'static str, u32) {
+        (self.kind, self.id)
+    }
+}
+
 impl Parts {
     /// The parts of a scene.
     ///
     /// # Errors
     /// If its hierarchy cannot be read.
     pub(super) fn new(scene: Arc<Scene>) -> Result<Self, ReadError> {
-        let hierarchy = scene.hierarchy()?;
+        let hierarchy = Arc::new(scene.hierarchy()?);
         let mut groups: HashMap<Option<u32>, Vec<u32>> = HashMap::new();
         for (id, group) in (0..).zip(&hierarchy.groups) {
             groups.entry(group.parent).or_default().push(id);
         }
         Ok(Self { scene, hierarchy, groups })
+    }
+
+    /// The scene's hierarchy.
+    pub(super) const fn hierarchy(&self) -> &Arc<Hierarchy> {
+        &self.hierarchy
     }
 
     /// How many named groups an object is in, at most. The file, its outermost group, does not count.
@@ -111,7 +120,7 @@ impl Parts {
                 let group = self.hierarchy.groups.get(id as usize)?;
                 (group.extent, &*group.attributes)
             }
-            PartId::Object(id) => (self.extent(id), self.hierarchy.attributes_of(id)),
+            PartId::Object(id) => (self.scene.extent(id), self.hierarchy.attributes_of(id)),
         };
         let pair = |Attribute { name, value }: &Attribute| (cut(name, NAME), cut(value, VALUE));
         let attribute_count = attributes.len();
@@ -157,44 +166,8 @@ impl Parts {
         Some(PartList { parts: that_fit(ids.take(CHILDREN).filter_map(|id| self.part(id))), total })
     }
 
-    /// The parts with `text` in their name or in an attribute, ignoring case and separators: groups first,
-    /// starting at number `from`, as many as fit in an answer. Nothing matches an empty text. `None` soon
-    /// after `is_given_up` says that the client has gone.
-    pub(super) fn search(&self, text: &str, from: usize, is_given_up: &dyn Fn() -> bool) -> Option<PartList> {
-        let wanted = Wanted::of(text);
-        if wanted.is_empty() {
-            return Some(PartList { parts: Vec::new(), total: 0 });
-        }
-        // Only the part of a text that is shown is searched.
-        let has = |word: &str| wanted.is_in(start(word, VALUE));
-        let says = |of: &[Attribute]| of.iter().any(|attribute| has(&attribute.value));
-        let is_found = |id: &PartId| match *id {
-            PartId::Group(id) => {
-                let group = self.hierarchy.groups.get(id as usize);
-                group.is_some_and(|group| has(&group.name) || says(&group.attributes))
-            }
-            PartId::Object(id) => {
-                self.scene.object_name(id).is_some_and(has) || says(self.hierarchy.attributes_of(id))
-            }
-        };
-        let groups = (0..self.hierarchy.groups.len() as u32).map(PartId::Group);
-        let objects = (0..self.scene.objects().len() as u32).map(PartId::Object);
-        let (mut found, mut total) = (Vec::new(), 0);
-        for (id, number) in groups.chain(objects).zip((0..BETWEEN_LOOKS).cycle()) {
-            if number == 0 && is_given_up() {
-                return None;
-            }
-            if is_found(&id) {
-                if total >= from && found.len() < FOUND {
-                    found.push(id);
-                }
-                total += 1;
-            }
-        }
-        Some(PartList { parts: that_fit(found.into_iter().filter_map(|id| self.part(id))), total })
-    }
-
-    fn part(&self, id: PartId) -> Option<Part> {
+    /// A part, without its details; `None` if it does not exist.
+    pub(super) fn part(&self, id: PartId) -> Option<Part> {
         Some(match id {
             PartId::Group(id) => {
                 let group = self.hierarchy.groups.get(id as usize)?;
@@ -233,28 +206,10 @@ impl Parts {
         path.reverse();
         path
     }
-
-    /// The size of an object: all nodes below its own.
-    fn extent(&self, object: u32) -> Extent {
-        let nodes = self.scene.nodes();
-        let mut extent = Extent::default();
-        let mut open: Vec<u32> =
-            self.scene.objects().get(object as usize).map(|of| of.node).into_iter().collect();
-        while let Some(node) = open.pop().and_then(|id| nodes.get(id as usize)) {
-            let Node { world_min: min, world_max: max, .. } = *node;
-            let finest = self.scene.levels(node).next().filter(|_| node.is_leaf());
-            let pieces = finest.into_iter().flat_map(Level::pieces);
-            let pieces = pieces.filter_map(|id| self.scene.drawables().get(id.index()));
-            let triangles = pieces.map(|drawable| u64::from(drawable.triangles)).sum();
-            extent = extent.and(&Extent { min, max, triangles });
-            open.extend(node.children());
-        }
-        extent
-    }
 }
 
 /// A text, cut and marked if it has more than this many bytes.
-fn cut(text: &str, most: usize) -> String {
+pub(super) fn cut(text: &str, most: usize) -> String {
     match start(text, most) {
         start if start.len() < text.len() => format!("{start}{CUT}"),
         whole => whole.to_owned(),
@@ -267,7 +222,7 @@ fn start(text: &str, most: usize) -> &str {
 }
 
 /// As many as fit in a list of an answer.
-fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
+pub(super) fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
     let mut left = LIST;
     let fits = |one: &T| {
         let bytes = serde_json::to_vec(one).map_or(usize::MAX, |json| json.len() + 1);
@@ -276,37 +231,6 @@ fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
         rest.is_some()
     };
     all.take_while(fits).collect()
-}
-
-/// A search text.
-#[derive(Debug)]
-struct Wanted {
-    /// Case folded.
-    whole: String,
-    /// Without separators as well; empty if it has nothing else.
-    bare: String,
-}
-
-impl Wanted {
-    fn of(text: &str) -> Self {
-        let whole = text.trim().to_lowercase();
-        Self { bare: bare(&whole), whole }
-    }
-
-    fn is_empty(&self) -> bool {
-        self.whole.is_empty()
-    }
-
-    /// Whether a name or a value contains it: `20 ce50` is in `20-CE50/A`.
-    fn is_in(&self, word: &str) -> bool {
-        let word = word.to_lowercase();
-        word.contains(&self.whole) || (!self.bare.is_empty() && bare(&word).contains(&self.bare))
-    }
-}
-
-/// Removes separators: names of parts use different ones in different places.
-fn bare(text: &str) -> String {
-    text.chars().filter(|letter| letter.is_alphanumeric()).collect()
 }
 
 #[cfg(test)]
@@ -346,7 +270,7 @@ mod tests {
     }
 
     fn ids(list: &PartList) -> Vec<(&str, u32)> {
-        list.parts.iter().map(|part| (part.kind, part.id)).collect()
+        list.parts.iter().map(Part::key).collect()
     }
 
     #[test]
@@ -394,7 +318,7 @@ mod tests {
         assert_eq!(path, ["plant.RVM", "/ZONE-1", "/PIPE-7"]);
         assert_eq!(details.attributes, [("TAG".to_owned(), "P-101A".to_owned())]);
         let pipe = parts.details(PartId::Group(2)).unwrap();
-        let both = parts.extent(2).and(&parts.extent(3));
+        let both = parts.scene.extent(2).and(&parts.scene.extent(3));
         assert!(pipe.extent == both && both.triangles > 0, "{pipe:?}");
         let whole = parts.details(PartId::Group(0)).unwrap();
         assert_eq!(whole.extent.triangles, parts.scene.totals().full_detail_triangles);
@@ -431,49 +355,6 @@ mod tests {
         assert!(object.core.min != object.core.max && object.extent.min[0] > object.extent.max[0]);
         let file = details(PartId::Group(0)).core;
         assert_eq!([PartId::Group(2), PartId::Object(5)].map(|id| details(id).core), [file; 2]);
-    }
-
-    #[test]
-    fn a_search_finds_names_and_attributes_whatever_their_case() {
-        let parts = parts();
-        assert_eq!(ids(&parts.search(" zone ", 0, &|| false).unwrap()), [("group", 1), ("group", 3)]);
-        assert_eq!(ids(&parts.search("p-101", 0, &|| false).unwrap()), [("object", 3)]);
-        assert_eq!(parts.search("", 0, &|| false).unwrap().total, 0);
-        let all = parts.search("a", 0, &|| false).unwrap();
-        assert!(all.parts.len() <= FOUND && all.total >= all.parts.len());
-    }
-
-    #[test]
-    fn a_search_forgives_separators() {
-        let parts = parts();
-        let found = |text| parts.search(text, 0, &|| false).unwrap();
-        for text in ["P 101A", "p101a", "P_101.A", "p/101-a", "101 a"] {
-            assert_eq!(ids(&found(text)), [("object", 3)], "{text}");
-        }
-        assert_eq!(ids(&found("pipe 7")), [("group", 2)]);
-        // A separator alone is searched for as it is.
-        assert_eq!(ids(&found("/")), [("group", 1), ("group", 2), ("group", 3)]);
-        assert_eq!(found("p 102").total, 0);
-    }
-
-    #[test]
-    fn all_that_a_search_finds_comes_answer_by_answer() {
-        let mut model: Model = plant(&PlantOptions::small(7));
-        let one = model.objects[0].clone();
-        model.hierarchy.groups.clear();
-        let named = |number| trimaran_cook::Object { name: format!("20-CE{number}"), ..one.clone() };
-        model.objects = (0..250).map(named).collect();
-        let scene = cook(&model, &CookOptions::default(), &()).unwrap();
-        let parts = Parts::new(Arc::new(scene)).unwrap();
-        let mut found = Vec::new();
-        while found.len() < 250 {
-            let answer = parts.search("20 ce", found.len(), &|| false).unwrap();
-            assert_eq!(answer.total, 250);
-            assert!(!answer.parts.is_empty() && answer.parts.len() <= FOUND);
-            found.extend(answer.parts.into_iter().map(|part| part.id));
-        }
-        assert!(found.iter().copied().eq(0..250), "each once, in order: {found:?}");
-        assert!(parts.search("20 ce", 250, &|| false).unwrap().parts.is_empty());
     }
 
     /// The pages of a list cover all of it, also objects between groups.
@@ -528,9 +409,6 @@ mod tests {
             );
             told += some.parts.len();
         }
-        let found = parts.search("\u{1}\u{1}", 0, &|| false).unwrap();
-        assert!(found.total == count as usize + 1 && length(serde_json::to_vec(&found)) < 1 << 20);
-        assert_eq!(parts.search("a", 0, &|| true), None);
     }
 
     #[test]

@@ -16,10 +16,16 @@ pub(super) const LONGEST_MEETING: usize = 4 << 10;
 const MOST: usize = 64;
 /// The farthest distance of an eye from the origin, metres.
 const FARTHEST: f64 = 1e15;
+/// The narrowest vertical field of view of a camera, degrees. A parallel view has 0.057.
+const NARROWEST: f64 = 0.001_15;
 /// The longest name of a page.
 const LONGEST_NAME: usize = 32;
-/// A person who is silent for this long has left.
-const LEAVES: Duration = Duration::from_secs(10);
+/// A person who is silent for this long has left. Browsers let a page that nobody sees run once a minute.
+const LEAVES: Duration = Duration::from_secs(90);
+/// How long a call is passed on: also to those whose pages ask late.
+const CALLED: Duration = Duration::from_secs(30);
+/// The least time between two calls of a person.
+const BETWEEN_CALLS: Duration = Duration::from_secs(1);
 
 /// All people, by their pages' names for themselves.
 #[derive(Debug, Default)]
@@ -30,6 +36,8 @@ struct Inner {
     people: HashMap<String, Known>,
     /// The number of the last arrival.
     last: u32,
+    /// The number of the last call.
+    last_call: u32,
 }
 
 #[derive(Debug)]
@@ -40,6 +48,15 @@ struct Known {
     pose: Pose,
     leader: Option<Leader>,
     follows: Option<u32>,
+    call: Option<Made>,
+    at: Instant,
+}
+
+/// A call that was made.
+#[derive(Debug, Clone, Copy)]
+struct Made {
+    number: u32,
+    call: Call,
     at: Instant,
 }
 
@@ -65,6 +82,23 @@ pub(super) struct Here {
     leader: Option<Leader>,
     /// The number of the person whose sets it shows.
     follows: Option<u32>,
+    /// Its person's call to all others, once.
+    call: Option<Call>,
+    /// The page closes.
+    #[serde(default)]
+    leaves: bool,
+}
+
+/// A call of a person to all others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+enum Call {
+    /// Come to where I am.
+    Here(()),
+    /// Look at this object.
+    Object(u32),
+    /// Look at this group of objects.
+    Group(u32),
 }
 
 /// The number by which a display is followed, in hexadecimal: numbers in JSON have 53 bits.
@@ -106,6 +140,16 @@ struct Person {
     pose: Pose,
     #[serde(skip_serializing_if = "Option::is_none")]
     leader: Option<Leader>,
+    /// The person's newest call, for a while.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    call: Option<Numbered>,
+}
+
+/// A call, by whose number a page knows that it is a new one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+struct Numbered {
+    number: u32,
+    says: Call,
 }
 
 /// A page's message is invalid. The text says why.
@@ -124,7 +168,7 @@ impl Pose {
         let length = forward.iter().map(|x| x * x).sum::<f64>().sqrt();
         eye.iter().all(|x| x.abs() <= FARTHEST)
             && (0.5..=2.0).contains(&length)
-            && (1.0..180.0).contains(vfov_deg)
+            && (NARROWEST..180.0).contains(vfov_deg)
     }
 }
 
@@ -140,7 +184,7 @@ impl People {
         &self,
         asker: Asker,
         name: Option<PersonName>,
-        Here { page, pose, leader, follows }: Here,
+        Here { page, pose, leader, follows, call, leaves }: Here,
         now: Instant,
     ) -> Result<Company, NoPlace> {
         if page.len() > LONGEST_NAME {
@@ -149,8 +193,22 @@ impl People {
         if !pose.is_possible() {
             return Err(NoPlace::Pose);
         }
-        let Inner { people, last } = &mut *self.0.lock();
+        let Inner { people, last, last_call } = &mut *self.0.lock();
         people.retain(|_, known| now.since(known.at) < LEAVES);
+        if leaves {
+            // Nobody reads the answer.
+            let you = people.remove(&page).map_or(0, |known| known.number);
+            return Ok(Company { you, is_followed: false, others: Vec::new() });
+        }
+        let before = people.get(&page).and_then(|known| known.call);
+        let made = match (call, before) {
+            (Some(_), Some(made)) if now.since(made.at) < BETWEEN_CALLS => before,
+            (Some(call), _) => {
+                *last_call = last_call.wrapping_add(1);
+                Some(Made { number: *last_call, call, at: now })
+            }
+            (None, _) => before.filter(|made| now.since(made.at) < CALLED),
+        };
         let you = match people.get(&page) {
             Some(known) => known.number,
             None => {
@@ -161,11 +219,12 @@ impl People {
                 *last
             }
         };
-        people.insert(page, Known { number: you, asker, name, pose, leader, follows, at: now });
+        people.insert(page, Known { number: you, asker, name, pose, leader, follows, call: made, at: now });
         let others = people.values().filter(|known| known.number != you);
         let person = |known: &Known| {
-            let Known { number, leader, .. } = *known;
-            Person { number, name: known.name.clone(), pose: known.pose.clone(), leader }
+            let Known { number, leader, call, .. } = *known;
+            let call = call.map(|Made { number, call: says, .. }| Numbered { number, says });
+            Person { number, name: known.name.clone(), pose: known.pose.clone(), leader, call }
         };
         let mut others: Vec<_> = others.map(person).collect();
         others.sort_unstable_by_key(|person| person.number);
@@ -193,7 +252,7 @@ mod tests {
 
     fn here(page: &str, x: f64) -> Here {
         let pose = Pose { eye: [x, 0.0, 0.0], forward: [0.0, 0.0, -1.0], vfov_deg: 60.0 };
-        Here { page: page.to_owned(), pose, leader: None, follows: None }
+        Here { page: page.to_owned(), pose, leader: None, follows: None, call: None, leaves: false }
     }
 
     fn asker(number: u8) -> Asker {
@@ -216,15 +275,33 @@ mod tests {
         let second = people.meet(asker(1), None, here("b", 2.0), at(1)).unwrap();
         assert_eq!((second.you, places(&second)), (2, vec![(1, 1.0)]));
         people.meet(asker(1), None, here("c", 3.0), at(2)).unwrap();
-        let moved = people.meet(asker(1), None, here("a", 9.0), at(9)).unwrap();
+        let moved = people.meet(asker(1), None, here("a", 9.0), at(89)).unwrap();
         assert_eq!((moved.you, places(&moved)), (1, vec![(2, 2.0), (3, 3.0)]));
-        let later = people.meet(asker(1), None, here("a", 9.0), at(11)).unwrap();
+        let later = people.meet(asker(1), None, here("a", 9.0), at(91)).unwrap();
         assert_eq!(places(&later), [(3, 3.0)], "the second has left");
         assert_eq!(
-            people.meet(asker(1), None, here("b", 2.0), at(11)).unwrap().you,
+            people.meet(asker(1), None, here("b", 2.0), at(91)).unwrap().you,
             4,
             "a number is given once"
         );
+    }
+
+    #[test]
+    fn a_page_that_closes_leaves_at_once() {
+        let people = People::default();
+        people.meet(asker(1), None, here("a", 1.0), at(0)).unwrap();
+        people.meet(asker(1), None, here("b", 2.0), at(0)).unwrap();
+        people.meet(asker(1), None, Here { leaves: true, ..here("a", 1.0) }, at(1)).unwrap();
+        assert_eq!(places(&people.meet(asker(1), None, here("b", 2.0), at(1)).unwrap()), []);
+        assert_eq!(people.count(at(1)), 1);
+        // A page that was never there takes no number and nobody's place.
+        for page in 0..2 * MOST {
+            people
+                .meet(asker(1), None, Here { leaves: true, ..here(&page.to_string(), 3.0) }, at(1))
+                .unwrap();
+        }
+        let next = people.meet(asker(1), None, here("c", 3.0), at(1)).unwrap();
+        assert_eq!((next.you, places(&next)), (3, vec![(2, 2.0)]));
     }
 
     #[test]
@@ -252,18 +329,18 @@ mod tests {
         let people = People::default();
         let meet = |eye, forward, vfov_deg| {
             let pose = Pose { eye, forward, vfov_deg };
-            people
-                .meet(asker(1), None, Here { page: "a".to_owned(), pose, leader: None, follows: None }, at(0))
-                .map(|company| company.you)
+            people.meet(asker(1), None, Here { pose, ..here("a", 0.0) }, at(0)).map(|company| company.you)
         };
         let ahead = [0.0, 0.0, -1.0];
         assert_eq!(meet([1e9, -1e9, 0.0], ahead, 60.0), Ok(1));
+        assert_eq!(meet([0.0, 0.0, 1e6], ahead, 0.0573), Ok(1), "a parallel view");
         for (eye, forward, vfov_deg) in [
             ([1e308, -1e308, 1e308], ahead, 60.0),
             ([0.0; 3], [0.0; 3], 60.0),
             ([0.0; 3], [1e200, 0.0, 0.0], 60.0),
             ([0.0; 3], ahead, -1e308),
             ([0.0; 3], ahead, 180.0),
+            ([0.0; 3], ahead, 0.001),
             ([f64::NAN, 0.0, 0.0], ahead, 60.0),
         ] {
             assert_eq!(meet(eye, forward, vfov_deg), Err(NoPlace::Pose), "{eye:?} {forward:?} {vfov_deg}");
@@ -308,6 +385,58 @@ mod tests {
         people.meet(asker(1), None, here("a", 1.0), at(1)).unwrap();
         let company = people.meet(asker(1), None, here("c", 3.0), at(1)).unwrap();
         assert_eq!(company.others[0].name, None, "a person without a name any more");
+    }
+
+    #[test]
+    fn a_call_reaches_each_of_the_others_for_a_while() {
+        let people = People::default();
+        let told = |page: &str, call, seconds| {
+            let company = people.meet(asker(1), None, Here { call, ..here(page, 1.0) }, at(seconds)).unwrap();
+            company.others.iter().map(|person| person.call.map(|call| (call.number, call.says))).collect()
+        };
+        let nothing: Vec<Option<(u32, Call)>> = told("a", None, 0);
+        assert_eq!(nothing, []);
+        assert_eq!(told("b", Some(Call::Group(7)), 1), [None]);
+        assert_eq!(told("a", None, 1), [Some((1, Call::Group(7)))]);
+        // It stays while its person says nothing else, and is numbered once.
+        assert_eq!(told("b", None, 8), [None]);
+        assert_eq!(told("c", None, 9), [None, Some((1, Call::Group(7)))], "a newcomer hears it, too");
+        assert_eq!(told("b", Some(Call::Here(())), 10), [None, None]);
+        assert_eq!(told("a", None, 10), [Some((2, Call::Here(()))), None]);
+        // Another one at once is not passed on, and nothing is passed on without an end.
+        told("b", Some(Call::Object(3)), 10);
+        assert_eq!(told("a", None, 10), [Some((2, Call::Here(()))), None]);
+        for seconds in [18, 39] {
+            told("b", None, seconds);
+        }
+        assert_eq!(told("a", None, 39), [Some((2, Call::Here(()))), None]);
+        told("b", None, 40);
+        assert_eq!(told("a", None, 40), [None, None]);
+    }
+
+    #[test]
+    fn a_call_is_of_a_known_kind() {
+        let read = |call: &str| {
+            let pose = r#"{"eye":[0,0,0],"forward":[0,0,-1],"vfovDeg":60}"#;
+            serde_json::from_str::<Here>(&format!(r#"{{"page":"a","pose":{pose},"call":{call}}}"#))
+        };
+        assert_eq!(read(r#"{"here":null}"#).unwrap().call, Some(Call::Here(())));
+        assert_eq!(read(r#"{"group":4294967295}"#).unwrap().call, Some(Call::Group(u32::MAX)));
+        assert_eq!(read("null").unwrap().call, None);
+        for wrong in [
+            r#""here""#,
+            r#"{"here":1}"#,
+            r#"{"object":-1}"#,
+            r#"{"object":4294967296}"#,
+            r#"{"object":1,"group":2}"#,
+            r#"{"text":"<b>"}"#,
+            "{}",
+            "[]",
+        ] {
+            assert!(read(wrong).is_err(), "{wrong}");
+        }
+        let said = serde_json::to_value(Numbered { number: 5, says: Call::Object(3) }).unwrap();
+        assert_eq!(said, serde_json::json!({ "number": 5, "says": { "object": 3 } }));
     }
 
     #[test]

@@ -3,7 +3,11 @@
 use std::{convert::Infallible, fmt, io, net::SocketAddr, sync::Arc, time::Duration};
 
 use hyper::{
-    Method, Request, Response, StatusCode, body::Incoming, server::conn::http1, service::service_fn,
+    Method, Request, Response, StatusCode,
+    body::Incoming,
+    header::{self, HeaderValue},
+    server::conn::http1,
+    service::service_fn,
 };
 use hyper_util::rt::{TokioIo, TokioTimer};
 use parking_lot::{Condvar, Mutex};
@@ -16,9 +20,10 @@ use trimaran_transport::{
 };
 
 use super::{
-    Token, Tokens,
+    FrameAncestor, Token, Tokens,
     access::Access,
     assets::ASSETS,
+    embedding,
     server::{Body, file, nothing_here, plain, token_in, unknown_name, wrong_token},
 };
 use crate::http;
@@ -80,7 +85,8 @@ impl Preparation {
     }
 
     /// Serves the page at `at` to those who have the token, on the threads of `runtime`, until that ends.
-    /// Returns where it listens; `None` if the program was built without its page.
+    /// The `ancestors` may show it in a frame. Returns where it listens; `None` if the program was built
+    /// without its page.
     ///
     /// # Errors
     /// When the address cannot be listened on.
@@ -89,6 +95,7 @@ impl Preparation {
         token: &Token,
         at: SocketAddr,
         ws: &WsOptions,
+        ancestors: &[FrameAncestor],
         runtime: &Handle,
     ) -> io::Result<Option<SocketAddr>> {
         if ASSETS.is_empty() {
@@ -98,7 +105,12 @@ impl Preparation {
         let (listener, at) = net.listen_tcp(at, TcpOptions::default())?;
         let access = Access::default();
         access.replace(&Tokens::One(token.clone()));
-        let page = Arc::new(Page { preparation: self.clone(), access, ws: ws.clone() });
+        let page = Arc::new(Page {
+            preparation: self.clone(),
+            access,
+            ws: ws.clone(),
+            policy: embedding::policy(ancestors),
+        });
         let clock = Arc::clone(&net);
         let each = move |stream| Arc::clone(&page).connection(Arc::clone(&clock), stream);
         runtime.spawn(http::serve(net, listener, CONNECTIONS, each));
@@ -116,6 +128,7 @@ struct Page {
     preparation: Preparation,
     access: Access,
     ws: WsOptions,
+    policy: HeaderValue,
 }
 
 impl Page {
@@ -124,7 +137,8 @@ impl Page {
         Box::pin(async move {
             let tells = Mutex::new(false);
             let answer = service_fn(|request| {
-                let response = self.answer(&request);
+                let mut response = self.answer(&request);
+                response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, self.policy.clone());
                 *tells.lock() = response.status() == StatusCode::UNPROCESSABLE_ENTITY;
                 async move { Ok::<_, Infallible>(response) }
             });

@@ -20,7 +20,10 @@ use hyper::{
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde::{Serialize, de::DeserializeOwned};
 use thiserror::Error;
-use tokio::{io::join, sync::mpsc};
+use tokio::{
+    io::join,
+    sync::{Semaphore, mpsc},
+};
 use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer};
 use trimaran_scene::{ReadError, Scene};
 use trimaran_transport::{
@@ -31,18 +34,24 @@ use trimaran_transport::{
 use super::{
     SceneDescription,
     access::{Access, Grant},
-    answering::Answering,
+    answering::{Answering, busy},
     assets::ASSETS,
+    clash::{ClashJobs, LONGEST_REQUEST},
     drive::{Drive, LONGEST_REPORT},
+    embedding::{self, FrameAncestor},
     network::{Network, NetworkError, Networks, Wanted},
+    notes::{LONGEST_BCF, LONGEST_NOTE, NotesQuestion, Person},
     people::{LONGEST_MEETING, People},
     proxies::{Asked, Proxies},
     questions::{Answers, Question},
     tls::{Tls, TlsError},
-    tokens::{PersonName, Tokens},
+    tokens::{May, PersonName, Tokens},
     warnings::Warnings,
 };
-use crate::http::{self, Asker};
+use crate::{
+    http::{self, Asker},
+    notes::{Guid, NotesFolder},
+};
 
 /// The most connections at once; those that have become links do not count.
 const CONNECTIONS: usize = 256;
@@ -52,10 +61,10 @@ const CONNECTION: Duration = Duration::from_secs(120);
 /// WebSockets that wait to become links.
 const WAITING: usize = 16;
 
-/// A page may load only from its own address; decoders are WebAssembly.
-const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
+/// A page may load only from its own address, and only its own pages show it; decoders are WebAssembly.
+pub(super) const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
                       connect-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; \
-                      frame-ancestors 'none'";
+                      frame-ancestors 'self'";
 
 /// Why the page cannot be served.
 #[derive(Debug, Error)]
@@ -84,6 +93,10 @@ pub struct PageOptions {
     pub tls: Option<Tls>,
     /// The proxies in front of it.
     pub proxies: Proxies,
+    /// The scene's notes.
+    pub notes: NotesFolder,
+    /// The pages that may show it in a frame and drive it, besides its own.
+    pub frame_ancestors: Vec<FrameAncestor>,
     /// The options of its links.
     pub ws: WsOptions,
     /// Those of its connections.
@@ -100,9 +113,14 @@ struct Inner {
     access: Access,
     tls: Option<Tls>,
     proxies: Proxies,
+    /// The content security policy.
+    policy: HeaderValue,
     scene: Bytes,
     answers: Arc<Answers>,
     answering: Answering,
+    /// BCF files are large: they are taken one at a time.
+    bcf: Semaphore,
+    clashes: ClashJobs,
     networks: Networks,
     people: People,
     warnings: Warnings,
@@ -119,6 +137,8 @@ struct Described<'d> {
     scene: &'d SceneDescription,
     /// How many named groups an object is in, at most: without its file.
     group_levels: usize,
+    /// The origins that may show the page in a frame.
+    frame_ancestors: &'d [FrameAncestor],
 }
 
 /// A person's own token takes its place in the address.
@@ -138,11 +158,13 @@ impl Pages {
         if ASSETS.is_empty() {
             return Err(PageError::NotBuilt);
         }
-        let answers = Arc::new(Answers::new(scene, description.eye_height)?);
+        let PageOptions { tokens, tls, proxies, notes, frame_ancestors, ws, tcp } = options;
+        let answers = Arc::new(Answers::new(scene, notes, description.eye_height)?);
         let answering = Answering::start(&answers).map_err(PageError::Thread)?;
-        let described = Described { scene: description, group_levels: answers.group_levels() };
+        let clashes = ClashJobs::new(scene, description.name.clone());
+        let group_levels = answers.group_levels();
+        let described = Described { scene: description, group_levels, frame_ancestors: &frame_ancestors };
         let scene = serde_json::to_vec(&described)?.into();
-        let PageOptions { tokens, tls, proxies, ws, tcp } = options;
         let shown = match &tokens {
             Tokens::One(token) => token.as_str(),
             Tokens::Listed(_) => OWN_TOKEN,
@@ -154,9 +176,12 @@ impl Pages {
             access,
             tls,
             proxies,
+            policy: embedding::policy(&frame_ancestors),
             scene,
             answers,
             answering,
+            bcf: Semaphore::new(1),
+            clashes,
             networks: Networks::default(),
             people: People::default(),
             warnings: Warnings::default(),
@@ -256,8 +281,33 @@ impl Transport for Pages {
 }
 
 /// The paths that take a token.
-const OF_THE_SCENE: [&str; 9] =
-    ["/drive", "/people", "/link", "/scene", "/part", "/children", "/search", "/snap", "/tile"];
+const OF_THE_SCENE: [&str; 22] = [
+    "/drive",
+    "/people",
+    "/clash",
+    "/link",
+    "/scene",
+    "/part",
+    "/children",
+    "/search",
+    "/objects",
+    "/box",
+    "/rows",
+    "/attributes",
+    "/classes",
+    "/snap",
+    "/surface",
+    "/object",
+    "/clearance",
+    "/tile",
+    "/notes",
+    "/note",
+    "/note-picture",
+    "/notes.bcf",
+];
+
+/// Those to which a page posts.
+const POSTED: [&str; 5] = ["/drive", "/people", "/clash", "/notes", "/notes.bcf"];
 
 /// The bytes of an answer.
 pub(super) type Body = Full<Bytes>;
@@ -273,6 +323,12 @@ enum Answer {
     Report(Drive),
     /// A page's message with its person's pose.
     Meet(Option<PersonName>),
+    /// A page's message with a note of this person.
+    Note(Person),
+    /// A page's BCF file, from this person.
+    Bcf(Person),
+    /// A page's request about its search for clashes.
+    Clash,
 }
 
 /// A link that is being opened.
@@ -339,7 +395,8 @@ impl Pages {
     ) -> Result<Response<Body>, Infallible> {
         let asked = self.0.proxies.asked(peer, request.headers(), self.is_encrypted());
         let asker = Asker::of(asked.peer);
-        Ok(match self.decide(&mut request, asked, &net) {
+        let policy = self.0.policy.clone();
+        let mut response = match self.decide(&mut request, asked, &net) {
             Answer::Response(response) => response,
             Answer::Link(response, opening) => {
                 net.spawn(Box::pin(open(opening, links)));
@@ -348,12 +405,17 @@ impl Pages {
             Answer::Later(question) => self.think(asker, question).await,
             Answer::Report(drive) => take_report(request, &drive).await,
             Answer::Meet(name) => self.meet(asker, name, request, net.now()).await,
-        })
+            Answer::Note(person) => self.take_note(asker, person, request, &*net).await,
+            Answer::Bcf(person) => self.take_bcf(asker, person, request).await,
+            Answer::Clash => self.clash(request, &net).await,
+        };
+        response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
+        Ok(response)
     }
 
     fn decide(&self, request: &mut Request<Incoming>, asked: Asked, net: &Arc<dyn Net>) -> Answer {
         let path = request.uri().path();
-        let is_post = request.method() == Method::POST && matches!(path, "/drive" | "/people");
+        let is_post = request.method() == Method::POST && POSTED.contains(&path);
         match (path, request.method()) {
             // A page is served once the scene is open.
             ("/livez" | "/readyz", &(Method::GET | Method::HEAD)) => {
@@ -376,9 +438,16 @@ impl Pages {
         }
         let Some(grant) = self.grant(request) else { return wrong_token().into() };
         let name = asked.name.clone().or_else(|| grant.name.clone());
+        let person = Person { name: name.clone(), may_write: grant.may == May::Write };
         match path {
             "/drive" => self.drive(request),
             "/people" if is_post => Answer::Meet(name),
+            "/notes" | "/notes.bcf" if is_post && !person.may_write => {
+                plain(StatusCode::CONFLICT, "this token lets its holder look, and write nothing\n").into()
+            }
+            "/notes" if is_post => Answer::Note(person),
+            "/notes.bcf" if is_post => Answer::Bcf(person),
+            "/clash" if is_post => Answer::Clash,
             "/link" => self.link(request, &asked, grant, net),
             "/scene" => {
                 tell_of(name.as_ref(), asked.peer);
@@ -386,7 +455,7 @@ impl Pages {
             }
             _ => {
                 let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
-                Question::parse(path, query).map_or_else(|| nothing_here().into(), Answer::Later)
+                Question::parse(path, query, person).map_or_else(|| nothing_here().into(), Answer::Later)
             }
         }
     }
@@ -416,6 +485,42 @@ impl Pages {
         match self.0.people.meet(asker, name, here, now).map(|company| serde_json::to_vec(&company)) {
             Ok(Ok(company)) => file("application/json", company.into()),
             _ => plain(StatusCode::BAD_REQUEST, "that is no place of a person\n"),
+        }
+    }
+
+    async fn take_note(
+        &self,
+        asker: Asker,
+        person: Person,
+        request: Request<Incoming>,
+        net: &dyn Net,
+    ) -> Response<Body> {
+        let Some(body) = body(request, LONGEST_NOTE).await else {
+            return plain(StatusCode::PAYLOAD_TOO_LARGE, "the note is too large\n");
+        };
+        let Ok(fresh) = fresh(net) else {
+            return plain(StatusCode::INTERNAL_SERVER_ERROR, "there are no random numbers\n");
+        };
+        self.think(asker, Question::Notes(NotesQuestion::Change { body, fresh }, person)).await
+    }
+
+    async fn take_bcf(&self, asker: Asker, person: Person, request: Request<Incoming>) -> Response<Body> {
+        let Ok(_turn) = self.0.bcf.try_acquire() else { return busy() };
+        let Some(body) = body(request, LONGEST_BCF).await else {
+            let why = "the file is too large for a page: `trimaran notes --import` reads it\n";
+            return plain(StatusCode::PAYLOAD_TOO_LARGE, why);
+        };
+        self.think(asker, Question::Notes(NotesQuestion::Import { body }, person)).await
+    }
+
+    /// Begins or ends a page's search for clashes, or says how it is.
+    async fn clash(&self, request: Request<Incoming>, net: &Arc<dyn Net>) -> Response<Body> {
+        let Some(asked) = json(request, LONGEST_REQUEST).await else {
+            return plain(StatusCode::BAD_REQUEST, "that is no search for clashes\n");
+        };
+        match serde_json::to_vec(&self.0.clashes.answer(asked, net)) {
+            Ok(answer) => file("application/json", answer.into()),
+            Err(_) => plain(StatusCode::INTERNAL_SERVER_ERROR, "the answer cannot be written\n"),
         }
     }
 
@@ -500,8 +605,17 @@ async fn take_report(request: Request<Incoming>, drive: &Drive) -> Response<Body
 
 /// Parses the body of a request as JSON of at most this many bytes; `None` if it is not valid.
 async fn json<T: DeserializeOwned>(request: Request<Incoming>, longest: usize) -> Option<T> {
-    let body = Limited::new(request.into_body(), longest).collect().await.ok()?;
-    serde_json::from_slice(&body.to_bytes()).ok()
+    serde_json::from_slice(&body(request, longest).await?).ok()
+}
+
+/// The body of a request; `None` if it is longer than this, or does not come to its end.
+async fn body(request: Request<Incoming>, longest: usize) -> Option<Bytes> {
+    Limited::new(request.into_body(), longest).collect().await.ok().map(|body| body.to_bytes())
+}
+
+/// For a note or a reply, and its view.
+fn fresh(net: &dyn Net) -> io::Result<[Guid; 2]> {
+    Ok([Guid::random(net)?, Guid::random(net)?])
 }
 
 fn refused(fault: &NetworkError) -> Response<Body> {
@@ -530,8 +644,8 @@ pub(super) fn wrong_token() -> Response<Body> {
     plain(StatusCode::FORBIDDEN, "the token in the address is not valid, or not any more\n")
 }
 
-pub(super) fn plain(status: StatusCode, text: &'static str) -> Response<Body> {
-    let mut response = file("text/plain; charset=utf-8", Bytes::from_static(text.as_bytes()));
+pub(super) fn plain(status: StatusCode, text: impl Into<Bytes>) -> Response<Body> {
+    let mut response = file("text/plain; charset=utf-8", text.into());
     *response.status_mut() = status;
     response
 }

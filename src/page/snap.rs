@@ -1,11 +1,11 @@
 //! Snaps a pointer to a vertex, an edge or a face of the finest geometry, independent of the level of detail
 //! shown.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Level, Node, ReadError, Scene};
+use trimaran_scene::{Geometry, Level, Node, ReadError, Scene};
 
 /// The most triangles that are read for an answer.
 const MOST: u64 = 1 << 21;
@@ -35,6 +35,17 @@ pub(super) struct Snapped {
     point: [f64; 3],
     /// The error of the point due to rounded coordinates, metres.
     error: f64,
+    /// The face at the pointer, unless only an edge is near.
+    face: Option<Face>,
+}
+
+/// A point of a flat face.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Face {
+    /// Metres in the world.
+    point: [f64; 3],
+    /// A unit vector.
+    normal: [f64; 3],
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -68,11 +79,9 @@ impl Pointing {
     /// If a part of the scene cannot be read.
     pub(super) fn snap(&self, scene: &Scene) -> Result<Option<Snapped>, ReadError> {
         let Some(near) = self.near(scene)? else { return Ok(None) };
-        let direction = (self.at - self.eye).normalize();
-        let met = near.triangles.iter().filter_map(|triangle| met(self.eye, direction, triangle));
-        // The visible surface along the ray: sections may cut nearer ones away.
         let off = |point: &DVec3| point.distance(self.at);
-        let surface = met.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let face = self.face(&near.triangles);
+        let surface = face.map(|(point, _)| point);
         // A coarse level may show a surface beyond the finest one's edge: then this snaps to the edge.
         let edge =
             || near.edges().map(|[a, b]| nearest(a, b, self.at)).min_by(|a, b| off(a).total_cmp(&off(b)));
@@ -85,38 +94,100 @@ impl Pointing {
             .map(|vertex| (Feature::Vertex, vertex))
             .or_else(|| self.nearest_of(edges, middle).map(|edge| (Feature::Edge, edge)))
             .unwrap_or((to, middle));
-        Ok(Some(Snapped { to, point: point.to_array(), error: near.rounding }))
+        let face = face.and_then(|(point, [a, b, c])| {
+            let normal = (b - a).cross(c - a).try_normalize()?;
+            Some(Face { point: point.to_array(), normal: normal.to_array() })
+        });
+        Ok(Some(Snapped { to, point: point.to_array(), error: near.rounding, face }))
+    }
+
+    /// The triangle that the ray of the pointer meets nearest to the visible point, and where: sections may
+    /// have cut nearer ones to the eye away.
+    pub(super) fn face(&self, triangles: &[[DVec3; 3]]) -> Option<(DVec3, [DVec3; 3])> {
+        let direction = (self.at - self.eye).normalize();
+        let met =
+            triangles.iter().filter_map(|triangle| Some((met(self.eye, direction, triangle)?, *triangle)));
+        met.min_by(|(a, _), (b, _)| a.distance(self.at).total_cmp(&b.distance(self.at)))
+    }
+
+    /// The same place from another origin.
+    pub(super) fn about(&self, origin: DVec3) -> Self {
+        Self { eye: self.eye - origin, at: self.at - origin, ..*self }
+    }
+
+    /// How far from the visible point a surface of full detail may be, if the level there is off by `error`.
+    fn radius(&self, error: f32) -> f64 {
+        f64::from(error) + (1.0 + NEARBY) * self.reach
+    }
+
+    /// The visible point.
+    pub(super) const fn at(&self) -> DVec3 {
+        self.at
     }
 
     /// The candidates.
     fn near(&self, scene: &Scene) -> Result<Option<Near>, ReadError> {
-        scene.reading(|| self.find_near(scene))?
+        let mut near = Near::default();
+        let has_read =
+            self.visit(scene, |node, geometry, radius| near.add(node, geometry, self.at, radius))?;
+        Ok(has_read.then_some(near))
     }
 
-    fn find_near(&self, scene: &Scene) -> Result<Option<Near>, ReadError> {
-        let Some(shown) = scene.drawables().get(self.drawable as usize).copied() else { return Ok(None) };
-        // The visible point is within its level's error of the finest geometry.
-        let radius = f64::from(shown.error) + (1.0 + NEARBY) * self.reach;
-        let (mut near, mut reader, mut read) = (Near::default(), scene.reader(), 0);
-        let mut open = vec![shown.node];
-        while let Some(node) = open.pop().and_then(|id| scene.nodes().get(id as usize)) {
-            if node.distance_squared(self.at) > radius * radius {
-                continue;
-            }
-            open.extend(node.children());
-            let finest = scene.levels(node).next().filter(|_| node.is_leaf());
-            for (piece, part) in finest.into_iter().flat_map(Level::pieces).filter_map(|id| scene.part(id)) {
-                if part.distance_squared(self.at) > radius * radius {
+    /// The object there: the one whose surface of full detail the ray of the pointer meets nearest to the
+    /// visible point, or else comes nearest to it. `None` as for [`Self::snap`].
+    ///
+    /// # Errors
+    /// If a part of the scene cannot be read.
+    pub(super) fn object(&self, scene: &Scene) -> Result<Option<u32>, ReadError> {
+        let mut objects: BTreeMap<u32, Near> = BTreeMap::new();
+        let has_read = self.visit(scene, |node, geometry, radius| {
+            objects.entry(node.object).or_default().add(node, geometry, self.at, radius);
+        })?;
+        if !has_read {
+            return Ok(None);
+        }
+        let off = |point: DVec3| point.distance(self.at);
+        let found = objects.iter().filter_map(|(object, near)| {
+            let met = self.face(&near.triangles).map(|(point, _)| off(point));
+            let beside = near.edges().map(|[a, b]| off(nearest(a, b, self.at))).min_by(f64::total_cmp);
+            // One that is met comes before all others.
+            Some((*object, met.is_none(), met.or(beside)?))
+        });
+        let first = found.min_by(|(_, a, near), (_, b, far)| a.cmp(b).then(near.total_cmp(far)));
+        Ok(first.map(|(object, ..)| object))
+    }
+
+    /// Passes on all geometry of full detail near the visible point, with its node and the radius that counts
+    /// as near. Returns whether the scene has the drawable and not too much was to be read.
+    fn visit(&self, scene: &Scene, mut found: impl FnMut(&Node, &Geometry, f64)) -> Result<bool, ReadError> {
+        scene.reading(|| {
+            let Some(shown) = scene.drawables().get(self.drawable as usize).copied() else {
+                return Ok(false);
+            };
+            // The visible point is within its level's error of the finest geometry.
+            let radius = self.radius(shown.error);
+            let (mut reader, mut read) = (scene.reader(), 0);
+            let mut open = vec![shown.node];
+            while let Some(node) = open.pop().and_then(|id| scene.nodes().get(id as usize)) {
+                if node.distance_squared(self.at) > radius * radius {
                     continue;
                 }
-                read += u64::from(piece.triangles);
-                if read > MOST {
-                    return Ok(None);
+                open.extend(node.children());
+                let finest = scene.levels(node).next().filter(|_| node.is_leaf());
+                let pieces = finest.into_iter().flat_map(Level::pieces);
+                for (piece, part) in pieces.filter_map(|id| scene.part(id)) {
+                    if part.distance_squared(self.at) > radius * radius {
+                        continue;
+                    }
+                    read += u64::from(piece.triangles);
+                    if read > MOST {
+                        return Ok(false);
+                    }
+                    found(node, &reader.read(piece.geometry)?, radius);
                 }
-                near.add(node, &reader.read(piece.geometry)?, self.at, radius);
             }
-        }
-        Ok(Some(near))
+            Ok(true)
+        })?
     }
 
     /// The point that looks nearest to the pointer, among those within its reach and near `surface`.
@@ -146,7 +217,7 @@ struct Near {
 
 impl Near {
     /// Adds the triangles of a node whose boxes come within `radius` of `at`.
-    fn add(&mut self, node: &Node, geometry: &trimaran_scene::Geometry, at: DVec3, radius: f64) {
+    fn add(&mut self, node: &Node, geometry: &Geometry, at: DVec3, radius: f64) {
         let (origin, linear) = (node.origin(), node.linear().as_dmat3());
         let corners: Vec<DVec3> = geometry
             .vertices
@@ -202,34 +273,51 @@ mod tests {
 
     use super::*;
 
-    /// A ball of 1 m at `to_world`, with all its levels of detail, and its vertices.
-    fn ball(to_world: DAffine3) -> (Scene, Vec<Vec3>) {
-        const RINGS: u32 = 96;
+    /// A ball of 1 m radius.
+    fn ball_mesh(rings: u32) -> Mesh {
         let mut positions = Vec::new();
-        for ring in 0..=RINGS {
-            for column in 0..RINGS {
-                let angle = |part: u32, turn: f32| part as f32 / RINGS as f32 * turn;
+        for ring in 0..=rings {
+            for column in 0..rings {
+                let angle = |part: u32, turn: f32| part as f32 / rings as f32 * turn;
                 let (up, round) = (angle(ring, std::f32::consts::PI), angle(column, std::f32::consts::TAU));
                 positions.push(Vec3::new(up.sin() * round.cos(), up.cos(), up.sin() * round.sin()));
             }
         }
         let mut indices = Vec::new();
-        for ring in 0..RINGS {
-            for column in 0..RINGS {
-                let at = |ring, column| ring * RINGS + column % RINGS;
+        for ring in 0..rings {
+            for column in 0..rings {
+                let at = |ring, column| ring * rings + column % rings;
                 let [a, b] = [at(ring, column), at(ring, column + 1)];
                 let [c, d] = [at(ring + 1, column), at(ring + 1, column + 1)];
                 indices.extend([a, b, c, b, d, c]);
             }
         }
-        let colours = vec![Rgba8([200; 4]); positions.len()];
+        Mesh { colours: vec![Rgba8([200; 4]); positions.len()], positions, indices }
+    }
+
+    /// A scene of a mesh at these places, with all its levels of detail.
+    fn cooked(mesh: Mesh, places: impl IntoIterator<Item = DAffine3>) -> Scene {
+        let object = |(to_world, source_index)| Object {
+            mesh: 0,
+            to_world,
+            name: String::new(),
+            source: 0,
+            source_index,
+        };
         let model = Model {
-            meshes: vec![Mesh { positions: positions.clone(), colours, indices }],
-            objects: vec![Object { mesh: 0, to_world, name: "ball".to_owned(), source: 0, source_index: 0 }],
-            sources: vec![Source { name: "ball".to_owned() }],
+            meshes: vec![mesh],
+            objects: places.into_iter().zip(0..).map(object).collect(),
+            sources: vec![Source { name: "balls".to_owned() }],
             ..Model::default()
         };
-        (cook(&model, &CookOptions::default(), &()).unwrap(), positions)
+        cook(&model, &CookOptions::default(), &()).unwrap()
+    }
+
+    /// A ball at `to_world`, and its vertices.
+    fn ball(to_world: DAffine3) -> (Scene, Vec<Vec3>) {
+        let mesh = ball_mesh(96);
+        let positions = mesh.positions.clone();
+        (cooked(mesh, [to_world]), positions)
     }
 
     fn far_away() -> DAffine3 {
@@ -257,7 +345,7 @@ mod tests {
                 let error = f64::from(shown.error);
                 let at = exact + normal * 0.9 * error + aside;
                 let pointing = Pointing { drawable: id, eye: exact + normal * 30.0, at, reach: 0.02 };
-                let Some(Snapped { to: Feature::Vertex, point, error: rounding }) =
+                let Some(Snapped { to: Feature::Vertex, point, error: rounding, .. }) =
                     pointing.snap(&scene).unwrap()
                 else {
                     continue;
@@ -297,8 +385,10 @@ mod tests {
         let meant = |x: f64, y: f64| {
             let eye = corner + DVec3::new(1.0, 1.0, 20.0);
             let pointing = Pointing { drawable: 0, eye, at: corner + DVec3::new(x, y, 1e-4), reach: 0.1 };
-            let Snapped { to, point, error } = pointing.snap(&scene).unwrap().unwrap();
+            let Snapped { to, point, error, face } = pointing.snap(&scene).unwrap().unwrap();
             assert!(error < 1e-6, "{error}");
+            // Beside the square there is no face.
+            assert_eq!(face.map(|face| face.normal[2].abs()), (x < 2.0).then_some(1.0));
             (to, DVec3::from_array(point) - corner)
         };
         for (place, to, expected) in [
@@ -322,6 +412,42 @@ mod tests {
             form_urlencoded::parse(query.as_bytes()).find(|(known, _)| known == name).map(|(_, value)| value)
         };
         Pointing::parse(find)
+    }
+
+    #[test]
+    fn one_of_several_objects_drawn_as_one_is_told() {
+        // Balls that nearly touch.
+        let place = |at: u32| DVec3::new(2.1 * f64::from(at % 20), 0.0, 2.1 * f64::from(at / 20));
+        let scene = cooked(ball_mesh(24), (0..400).map(|at| DAffine3::from_translation(place(at))));
+        let is_merged = |node: &&Node| node.object == Node::NONE && node.drawable_count > 0;
+        let merged: Vec<&Node> = scene.nodes().iter().filter(is_merged).collect();
+        let mut told = 0;
+        for node in &merged {
+            for (id, object) in (0..).zip(scene.objects()).step_by(23) {
+                let (min, max) = scene.nodes()[object.node as usize].world_box();
+                let middle = (min + max) / 2.0;
+                if node.distance_squared(middle) > 0.0 {
+                    continue;
+                }
+                let (eye, top) = (middle + DVec3::Y * 9.0, middle + DVec3::Y);
+                // The visible point is one of the coarse level, a little off.
+                for off in [0.0, 0.02, -0.02] {
+                    let drawable = node.first_drawable;
+                    let at = top + DVec3::Y * off;
+                    let pointing = Pointing { drawable, eye, at, reach: 0.05 };
+                    assert_eq!(pointing.object(&scene).unwrap(), Some(id), "{at}");
+                    told += 1;
+                }
+                // Beside all balls the nearest one counts.
+                let pointing = Pointing { drawable: node.first_drawable, eye, at: middle, reach: 1.0 };
+                let aside = Pointing { eye: eye + DVec3::X, at: middle + DVec3::X * 1.01, ..pointing };
+                assert_eq!(aside.object(&scene).unwrap(), Some(id), "{middle}");
+            }
+        }
+        assert!(told >= 54, "{} levels of several objects: {told}", merged.len());
+        let nowhere = Pointing { drawable: 0, eye: DVec3::Y * 99.0, at: DVec3::Y * 50.0, reach: 0.01 };
+        assert_eq!(nowhere.object(&scene).unwrap(), None, "nothing is near");
+        assert_eq!(Pointing { drawable: u32::MAX, ..nowhere }.object(&scene).unwrap(), None);
     }
 
     #[test]

@@ -130,6 +130,17 @@ impl TryFrom<Datetime> for Until {
     }
 }
 
+/// The rights of a token's holder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum May {
+    /// Look, and nothing that others see.
+    Look,
+    /// Write notes as well.
+    #[default]
+    Write,
+}
+
 /// A person's token.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -140,6 +151,9 @@ pub struct TokenEntry {
     pub sha256: TokenHash,
     /// When it ends; never without a time.
     pub until: Option<Until>,
+    /// The rights of its holder.
+    #[serde(default)]
+    pub may: May,
 }
 
 impl TokenEntry {
@@ -152,10 +166,11 @@ impl TokenEntry {
 /// As in a file of tokens.
 impl fmt::Display for TokenEntry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, sha256, until } = self;
+        let Self { name, sha256, until, may } = self;
         let name = toml::Value::String(name.0.clone());
         write!(f, "[[token]]\nname = {name}\nsha256 = \"{sha256}\"")?;
-        until.as_ref().map_or(Ok(()), |until| write!(f, "\nuntil = {}", until.text))
+        until.as_ref().map_or(Ok(()), |until| write!(f, "\nuntil = {}", until.text))?;
+        if *may == May::Look { f.write_str("\nmay = \"look\"") } else { Ok(()) }
     }
 }
 
@@ -270,8 +285,10 @@ mod tests {
             name: name.parse().unwrap(),
             sha256: TokenHash::of(token),
             until: until.map(|until| until.parse().unwrap()),
+            may: May::Write,
         };
         let entries = vec![
+            TokenEntry { may: May::Look, ..entry("eve", "0123456789abcdei", Some("2030-12-31")) },
             entry("ada", "0123456789abcdef", Some("2030-12-31")),
             entry("a \"b\" ü", "0123456789abcdeg", Some("2030-12-31T18:00:00Z")),
             entry("a", "0123456789abcdeh", None),
@@ -298,7 +315,8 @@ mod tests {
         let hash = TokenHash::of("abc");
         let one = format!("[[token]]\nname = \"ada\"\nsha256 = \"{hash}\"\n");
         for (text, told) in [
-            (format!("{one}may = 'look'\n"), "may"),
+            (format!("{one}may = 'dance'\n"), "may"),
+            (format!("{one}can = 'look'\n"), "can"),
             (one.replace("token", "tokens"), "tokens"),
             (one.replace("ada", ""), "1 to 64 characters"),
             (one.replace(&hash.to_string(), "abc"), "64 hexadecimal digits"),

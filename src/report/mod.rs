@@ -27,5 +27,5 @@ pub(crate) use error::io_error;
 pub use left::Left;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};
-pub use whole_file::write_whole;
+pub use whole_file::{write_whole, write_whole_by};
 pub use write::{Paths, UNCHECKED, Writer, write};

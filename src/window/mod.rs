@@ -172,11 +172,10 @@ impl Screen {
         let (found, sets) = mpsc::channel();
         let near = (about.clearance / 2.0) as f32;
         let wish = Wish::new(first_camera(&about.start, near)?);
-        let mut navigator = Navigator::new(&about.start);
         let drive = options.drive.as_ref().map(Drive::new);
-        if let Some(drive) = &drive {
-            navigator.set_vfov(drive.vfov_deg());
-        }
+        // A recorded walk may have a lens that no person chooses here: that of a parallel view.
+        let vfov_deg = drive.as_ref().map_or(about.start.vfov_deg, Drive::vfov_deg);
+        let navigator = Navigator::new(&Start { vfov_deg, ..about.start });
         let state = ViewState::from(beside.settings);
         let mut app = App {
             name: about.name.clone(),

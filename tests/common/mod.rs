@@ -2,6 +2,7 @@
 //! way to report a skipped test.
 #![allow(dead_code, reason = "each executable uses its part of this")]
 
+pub(crate) mod cubes;
 pub(crate) mod data;
 pub(crate) mod deployment;
 pub(crate) mod guests;

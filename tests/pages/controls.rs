@@ -161,6 +161,72 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     assert_eq!(focused(&mut browser)["name"], "Status");
     press(&mut browser, "Escape");
     assert_eq!(focused(&mut browser)["tag"], "canvas");
+    // A key opens the list of keys and closes it. It scrolls, and its button stays in sight.
+    let is_open = |browser: &mut Browser| {
+        let shown = browser.done(json!({ "do": "rects", "selector": ".keys[open]" }));
+        !shown.as_array().unwrap().is_empty()
+    };
+    press(&mut browser, "?");
+    assert!(is_open(&mut browser));
+    let close = json!({ "do": "visible", "selector": ".keys form button", "within": ".keys" });
+    assert_eq!(browser.done(close), json!([true]));
+    press(&mut browser, "?");
+    assert!(!is_open(&mut browser));
+    assert_eq!(focused(&mut browser)["tag"], "canvas");
+}
+
+/// Picks the right box of the room.
+fn pick_box(browser: &mut Browser) {
+    press(browser, "2");
+    browser.done(json!({ "do": "stand", "eye": [2.5, 1.5, 2.0], "forward": [0.0, -0.2, -1.0] }));
+    look(browser);
+    let middle = browser.done(json!({ "do": "point", "point": [2.5, 0.5, -3.0] }));
+    browser.done(json!({ "do": "click", "x": middle[0], "y": middle[1] }));
+    becomes(browser, "a pick", |now| now["selected"] == json!([2]));
+}
+
+#[test]
+fn escape_and_a_click_elsewhere_close_the_standard_views() {
+    let bench = Bench::empty();
+    let Some((_service, mut browser)) = opened(&bench, &ROOM, [1000, 600]) else { return };
+    pick_box(&mut browser);
+    let is_open = |browser: &mut Browser| {
+        let shown = browser.done(json!({ "do": "rects", "selector": ".standard" }));
+        !shown.as_array().unwrap().is_empty()
+    };
+    browser.done(json!({ "do": "label", "name": "Standard views" }));
+    assert!(is_open(&mut browser));
+    press(&mut browser, "Escape");
+    assert!(!is_open(&mut browser));
+    assert_eq!(state(&mut browser)["selected"], json!([2]), "the next Escape is for the pick");
+    press(&mut browser, "Escape");
+    becomes(&mut browser, "no pick", |now| now["selected"] == json!([]));
+    browser.done(json!({ "do": "label", "name": "Standard views" }));
+    assert!(is_open(&mut browser));
+    browser.done(json!({ "do": "click", "x": 500, "y": 200 }));
+    assert!(!is_open(&mut browser));
+}
+
+/// The next click is to meet the same button, whatever the status says.
+#[test]
+fn commands_for_objects_keep_their_places() {
+    let bench = Bench::empty();
+    let Some((_service, mut browser)) = opened(&bench, &ROOM, [1000, 600]) else { return };
+    pick_box(&mut browser);
+    let places =
+        |browser: &mut Browser| browser.done(json!({ "do": "rects", "selector": ".objects button" }));
+    let before = places(&mut browser);
+    assert_eq!(before.as_array().unwrap().len(), 11);
+    for (key, told) in [("x", "1 see-through"), ("i", "only 1 shown, 1 see-through")] {
+        press(&mut browser, key);
+        becomes(&mut browser, told, |now| now["seeThrough"] == json!([2]));
+        assert_eq!(browser.done(json!({ "do": "text", "selector": ".objects span" })), json!([told]));
+        assert_eq!(places(&mut browser), before, "{told}");
+    }
+    // With nothing picked, they are still there.
+    press(&mut browser, "h");
+    becomes(&mut browser, "no pick", |now| now["selected"] == json!([]));
+    assert_eq!(places(&mut browser), before);
 }
 
 /// The tree has one stop of Tab; arrows go through it, and open and close.
@@ -225,6 +291,7 @@ fn messages_go_away_and_show_no_secret() {
     browser.done(json!({ "do": "say", "text": format!("http://x/link?token={TOKEN}&a and token={TOKEN}") }));
     let text = said(&mut browser, |text| !text.is_empty());
     assert_eq!(text, "http://x/link and token=…");
+    browser.done(json!({ "do": "pass" }));
     said(&mut browser, str::is_empty);
     browser.done(json!({ "do": "say", "text": "What is closed is gone." }));
     said(&mut browser, |text| text.contains("closed"));

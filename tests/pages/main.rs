@@ -6,12 +6,20 @@
 mod common;
 
 mod access;
+mod all_of_a_kind;
+mod clearance;
 mod controls;
+mod embedding;
 mod hard_cases;
+mod looks;
+mod notes;
 mod overview;
+mod parallel;
 mod service;
+mod together;
 mod tools;
 mod walking;
+mod where_am_i;
 mod whole_things;
 #[cfg(feature = "window")]
 mod window;

@@ -90,7 +90,7 @@ fn any_input_ends_the_flight_where_it_is() {
         let start = becomes(&mut browser, "a beginning", |now| now["eye"].is_array())["start"].take();
         browser.done(input.clone());
         let held = look(&mut browser);
-        assert!(held["mode"] == "fly" && distance(&held["eye"], &start["eye"]) > 1.0, "{input}: {held}");
+        assert!(held["mode"] == "orbit" && distance(&held["eye"], &start["eye"]) > 1.0, "{input}: {held}");
         browser.done(json!({ "do": "wait", "milliseconds": 500 }));
         assert_eq!(look(&mut browser)["eye"], held["eye"], "{input}");
     }

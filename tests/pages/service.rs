@@ -39,7 +39,17 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
         assert!(service.ask(&format!("/people{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
     }
     let snap = "snap?drawable=0&eye=0,0,9&at=0,0,0&reach=1";
-    for asked in ["part?object=0", "children?from=0", "search?text=a", snap, "tile?x=0&z=0"] {
+    for asked in [
+        "part?object=0",
+        "children?from=0",
+        "search?text=a",
+        "objects?text=a",
+        "box?text=a",
+        "rows?text=a",
+        "attributes?",
+        snap,
+        "tile?x=0&z=0",
+    ] {
         let (path, query) = asked.split_once('?').unwrap();
         let told = service.ask(&format!("/{path}?token={TOKEN}&{query}"), "");
         assert!(told.starts_with("HTTP/1.1 200"), "{asked}: {told}");
@@ -167,7 +177,7 @@ fn a_person_walks_and_looks_into_the_model() {
     let alone = look(&mut browser);
     let shown: BTreeSet<u64> =
         alone["objects"].as_array().unwrap().iter().map(|object| object.as_u64().unwrap()).collect();
-    assert!(shown.len() == 1 && alone["mode"] == "fly", "{shown:?}");
+    assert!(shown.len() == 1 && alone["mode"] == "orbit", "{shown:?}");
     assert!(items(&alone).iter().any(|item| *item != u32::MAX), "it is seen");
 
     // A plane ahead cuts something off, and undo restores it.

@@ -1,9 +1,9 @@
 //! Whole things in a real browser: the level of clicks, the row in the tree, and the rest as ghosts.
 
-use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde_json::{Value, json};
 
 use super::controls::{becomes, boxes, look, press, said, state};
+use crate::common::cubes::cubes;
 use crate::common::page::{Browser, Service};
 use crate::common::program::Bench;
 
@@ -21,19 +21,6 @@ const OBJECTS: [(&str, [f64; 3], [f64; 3]); 6] = [
 /// Two zones as glTF: `ZONE-1 / PUMP-1 / NOZZLE-1 / flange, pipe`, `PUMP-1 / body`, `PUMP-2 / motor`, and
 /// `ZONE-2 / tank, wall`.
 fn plant() -> String {
-    let mut bytes = Vec::new();
-    for corner in 0..8_u8 {
-        for axis in 0..3 {
-            bytes.extend(f32::from(corner >> axis & 1).to_le_bytes());
-        }
-    }
-    for [a, b, c, d] in
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5_u16]]
-    {
-        for corner in [a, b, c, a, c, d] {
-            bytes.extend(corner.to_le_bytes());
-        }
-    }
     let group = |name: &str, children: &[usize]| json!({ "name": name, "children": children });
     let mut nodes: Vec<Value> = OBJECTS
         .iter()
@@ -46,27 +33,7 @@ fn plant() -> String {
         group("ZONE-1", &[7, 8]),
         group("ZONE-2", &[4, 5]),
     ]);
-    json!({
-        "asset": { "version": "2.0" },
-        "scene": 0,
-        "scenes": [{ "nodes": [9, 10] }],
-        "nodes": nodes,
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
-        "accessors": [
-            { "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3",
-              "min": [0, 0, 0], "max": [1, 1, 1] },
-            { "bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR" },
-        ],
-        "bufferViews": [
-            { "buffer": 0, "byteLength": 96 },
-            { "buffer": 0, "byteOffset": 96, "byteLength": 72 },
-        ],
-        "buffers": [{
-            "byteLength": bytes.len(),
-            "uri": format!("data:application/octet-stream;base64,{}", STANDARD.encode(&bytes)),
-        }],
-    })
-    .to_string()
+    cubes(&nodes, &[9, 10])
 }
 
 fn service(bench: &Bench) -> Option<Service> {

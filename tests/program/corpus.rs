@@ -7,8 +7,13 @@ mod files;
 #[allow(unreachable_pub, reason = "tests of other packages share the file")]
 mod replay;
 
-const TARGETS: [replay::Target; 3] =
-    [("traces", 15, files::traces), ("profiles", 25, files::profiles), ("tiles", 6, files::tiles)];
+const TARGETS: [replay::Target; 5] = [
+    ("traces", 15, files::traces),
+    ("profiles", 25, files::profiles),
+    ("tiles", 6, files::tiles),
+    ("queries", 8, files::queries),
+    ("bcf", 16, files::bcf),
+];
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {

@@ -6,11 +6,13 @@
 mod common;
 
 mod audit;
+mod clash;
 mod cli;
 #[cfg(target_os = "linux")]
 mod clock;
 mod compare;
 mod configs;
+mod coordinates;
 mod corpus;
 mod deployment;
 mod doctor;
@@ -24,6 +26,7 @@ mod many_walks;
 mod metrics;
 #[cfg(target_os = "linux")]
 mod mpi;
+mod notes;
 #[cfg(target_os = "linux")]
 mod partition;
 mod ping;

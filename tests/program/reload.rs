@@ -66,7 +66,7 @@ fn a_new_key_joins_after_a_hang_up_and_a_wrong_file_changes_nothing() {
         let refused = walk("third", "5");
         let refused = [&refused.each_ref().map(String::as_str)[..], &["--join-timeout", "1"]].concat();
         let said = bench.start(&refused).ends(0);
-        assert!(said.contains("begins without 1 of 1 cullers"), "{transport}: {said}");
+        assert!(said.contains("begins without 1 of 1 culler:"), "{transport}: {said}");
 
         first.interrupt();
         let (_, said) = first.ended();

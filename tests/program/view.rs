@@ -90,7 +90,7 @@ fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
     let bench = Bench::empty();
     bench.write("tank.obj", model(5));
     let Some(first) = View::start(view(&bench, &["tank.obj", "--no-browser"])) else { return };
-    assert!(first.said[0].starts_with("read 1 files: 1 objects, 4 triangles"), "{:?}", first.said);
+    assert!(first.said[0].starts_with("read 1 file: 1 object, 4 triangles"), "{:?}", first.said);
     assert!(first.ask("scene").contains(r#""objects":1"#));
     assert!(first.ask("children").contains(r#""name":"tank.obj""#));
     assert!(first.url.0.starts_with("127.0.0.1:"), "others do not reach it: {:?}", first.url);
@@ -268,6 +268,10 @@ fn a_page_walks_along_a_path_and_reports() {
     assert!(moments[1]["heldBytes"].as_f64() <= Some(number("geometryBytes")), "{report}");
     assert!(moments[1]["scriptBytes"].as_f64() > Some(1e5), "{report}");
     assert!(number("setAgeMs") >= 80.0 && number("restMs") >= 80.0, "it crosses the network: {report}");
+    let tasks = &report["longTasks"];
+    let longest = tasks["longestMs"].as_f64().unwrap();
+    assert!(if tasks["count"] == 0 { longest == 0.0 } else { longest >= 50.0 }, "{report}");
+    assert!(0.0 < number("pickMs") && number("pickMs") <= number("longestPickMs"), "{report}");
     let wrong = |name: &str| report["wrong"][name].as_f64().unwrap();
     assert!(wrong("pictures") >= 2.0 && wrong("right") <= wrong("pictures"), "{report}");
     assert!(wrong("medianPercent") <= wrong("p95Percent"), "{report}");

@@ -78,12 +78,12 @@ fn a_full_disk_ends_the_walk_once_and_it_goes_on_when_there_is_room() {
     });
     let shown = |key: &str| show.run(&format!("systemctl show -P {key} {}", DISPLAY.0));
     assert_eq!((&*shown("ExecMainStatus"), &*shown("NRestarts")), ("3", "0"));
-    // The warning at once, and the error with which the process ends.
     let mut said = faults(show, DISPLAY.0);
     said.retain(|line| line.contains("no space left"));
-    assert_eq!(said.len(), 2, "{said:?}");
-    let words = [REPORT, "unfinished/", "no space left; free some"];
-    assert!(said.iter().all(|line| words.iter().all(|word| line.contains(word))), "{said:?}");
+    let [said] = &said[..] else { panic!("one fault: {said:?}") };
+    for word in [REPORT, "unfinished/", "no space left; free some"] {
+        assert!(said.contains(word), "{said}");
+    }
     let report = Walk::report(show);
     assert_eq!(report["summary"]["ended"]["how"], "not_recorded");
     let frames = report["frames"].as_array().unwrap().len();

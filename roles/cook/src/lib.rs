@@ -15,7 +15,7 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | [`import`](mod@import) | glTF 2.0, AVEVA review files, Wavefront OBJ, STL, PLY; STEP and IGES by a converter |
+//! | [`import`](mod@import) | glTF 2.0, AVEVA review files, Wavefront OBJ, STL, PLY; STEP, IGES and IFC by converters |
 //! | [`generate`] | a process plant and a tanker of any size |
 //! | `model` | what both make: meshes, and objects that place them |
 //! | `cook` | the tree, levels of detail and their certificates |

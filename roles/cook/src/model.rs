@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, Vec3};
 use thiserror::Error;
-use trimaran_scene::{Hierarchy, Rgba8, SceneError};
+use trimaran_scene::{Coordinates, Hierarchy, Rgba8, SceneError};
 
 /// Triangles in a local frame, metres. Objects place it; several may share it.
 #[derive(Debug, Clone, Default)]
@@ -49,6 +49,8 @@ pub struct Model {
     pub sources: Vec<Source>,
     /// The grouping of the objects, and their attributes.
     pub hierarchy: Hierarchy,
+    /// The coordinates that people know.
+    pub coordinates: Coordinates,
 }
 
 /// Why a model is unfit for cooking.

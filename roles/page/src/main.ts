@@ -1,14 +1,14 @@
 /** The page: a canvas that shows the scene from a person's eye, and panels beside it. */
 
 import "./page.css";
-import { drive } from "./drive/drive.ts";
+import { applyTheme } from "./controls/theme.ts";
 import { showPanels } from "./panels/app.tsx";
 import { showCooking } from "./panels/cooking.tsx";
 import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
 import { flyDown, isMotionReduced } from "./tools/overview.ts";
 import { followLink } from "./tools/viewsPanel.tsx";
-import { OTHER_SCENE, Viewer } from "./viewer/viewer.ts";
+import { hasRestarted, Viewer } from "./viewer/viewer.ts";
 
 declare global {
   interface Window {
@@ -18,6 +18,7 @@ declare global {
 }
 
 async function begin(): Promise<void> {
+  applyTheme();
   const canvas = document.querySelector<HTMLCanvasElement>("#picture");
   const panels = document.querySelector<HTMLElement>("#panels");
   if (canvas === null || panels === null) {
@@ -32,8 +33,7 @@ async function begin(): Promise<void> {
     const viewer = new Viewer(canvas, scene, service, network);
     window.trimaran = viewer;
     showPanels(panels, viewer);
-    if (sessionStorage.getItem(OTHER_SCENE) !== null) {
-      sessionStorage.removeItem(OTHER_SCENE);
+    if (hasRestarted()) {
       viewer.said.value = `The service shows another model now: ${scene.name}.`;
     }
     followLink(viewer, new URL(location.href));
@@ -43,6 +43,7 @@ async function begin(): Promise<void> {
     // Entering a link with another fragment does not reload the page.
     addEventListener("hashchange", ({ newURL }) => followLink(viewer, new URL(newURL)));
     if (isDriven) {
+      const { drive } = await import("./drive/drive.ts");
       await drive(viewer, service);
     }
   } catch (error) {

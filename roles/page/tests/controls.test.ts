@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { unbroken } from "../src/controls/quantities.tsx";
 import { takesKey, type Within } from "../src/navigate/typing.ts";
 import { messageOf, withoutSecrets } from "../src/service/errors.ts";
 import { openWebSocket, type Socket } from "../wire/src/websocket.ts";
@@ -56,4 +57,16 @@ test("a connection that cannot be opened does not tell the token", async () => {
     channel,
     new Error("cannot connect to ws://two:7400/link: the connection ended (code 1006)"),
   );
+});
+
+test("a line parts no number from its unit", () => {
+  const kept: [string, string[]][] = [
+    ["25.859 m × 1.000 m × 0.075 m", ["25.859 m ×", "1.000 m ×", "0.075 m"]],
+    ["E -1 mm to 2 mm, U 3 mm", ["E -1 mm to", "2 mm,", "U 3 mm"]],
+    ['E 3\' 4.00" ± 0.01" (vertex)', ['E 3\' 4.00" ± 0.01" (vertex)']],
+  ];
+  for (const [text, pieces] of kept) {
+    assert.deepEqual(unbroken(text), pieces);
+    assert.equal(pieces.join(" "), text);
+  }
 });

@@ -216,6 +216,64 @@ for (const extensions of [true, false]) {
   );
 
   drawn(
+    `at rest a pipe of twelve sides looks round, a box stays flat, and nothing else changes${how}`,
+    extensions,
+    (extensions) => {
+      const { box, cameraAt, drawableAt, pipe, Stage, turned } = window.draw;
+      const stage = new Stage(128, 128, { samples: 1, extensions });
+      const { renderer, gl } = stage;
+      const tank = turned(24, [
+        [0.5, 0],
+        [0.5, 0.5],
+        [0, 0.6],
+      ]);
+      stage.set(pipe(1, 2, 12, 2, [200, 200, 200]), box([1, 1, 1]), tank);
+      const camera = cameraAt([0, 0, 0]);
+      /** The steps of the green tone between neighbours, within 24 pixels from the middle. */
+      const steps = () => {
+        const row = new Uint8Array(4 * 49);
+        gl.readPixels(40, 64, 49, 1, gl.RGBA, gl.UNSIGNED_BYTE, row);
+        const tones = [...row].filter((_, at) => at % 4 === 1);
+        return tones.slice(1).map((tone, at) => Math.abs(tone - (tones[at] ?? 0)));
+      };
+      const mirrored = [-1, 0, 0, 0, 1, 0, 0, 0, 1];
+      const looks = [
+        drawableAt(0, [0, 0, -4]),
+        drawableAt(0, [0, 0, -4], { linear: mirrored }),
+        drawableAt(1, [0, 0, -1.9]),
+      ].map((drawable) => {
+        renderer.draw(camera, [drawable]);
+        const flat = Math.max(...steps());
+        while (renderer.refine()) {}
+        return { flat, fine: Math.max(...steps()) };
+      });
+      // The rim of the tank is copied, which must not show.
+      const shown = [drawableAt(2, [0, -0.3, -2])];
+      const seen = () => [stage.items(camera, shown), renderer.triangles(2), stage.picture(camera, shown)];
+      const before = JSON.stringify(seen());
+      const { bytes } = renderer;
+      renderer.draw(camera, shown);
+      while (renderer.refine()) {}
+      const isSame = JSON.stringify(seen()) === before;
+      const copies = (renderer.bytes - bytes) / 24;
+      for (const piece of [0, 1, 2]) {
+        renderer.dropPiece(piece);
+      }
+      const left = renderer.bytes;
+      stage.end();
+      return { looks, isSame, copies, left };
+    },
+    ({ looks, isSame, copies, left }) => {
+      const [round, mirrored, box] = looks;
+      for (const { flat, fine } of [round, mirrored].filter((one) => one !== undefined)) {
+        assert.ok(flat >= 15 && fine <= 6, `steps of ${flat}, and at rest of ${fine}`);
+      }
+      assert.ok(box !== undefined && box.flat === 0 && box.fine <= 2, JSON.stringify(box));
+      assert.deepEqual([isSame, copies, left], [true, 24, 0]);
+    },
+  );
+
+  drawn(
     `pieces that are gone draw nothing, and their room is used again${how}`,
     extensions,
     (extensions) => {
@@ -492,6 +550,45 @@ drawn(
 );
 
 drawn(
+  "a picture in tiles is that of an eye at rest: smooth, with lines and hatching",
+  undefined,
+  async () => {
+    const { box, cameraAt, drawableAt, ObjectSet, pipe, plate, Stage, tileDifference } = window.draw;
+    const pictures: Awaited<ReturnType<typeof tileDifference>>[] = [];
+    for (const samples of [1, 4]) {
+      const stage = new Stage(420, 400, { samples });
+      stage.set(box([0.6, 0.6, 1], [60, 60, 255]), pipe(0.2, 2, 12, 2, [0, 200, 0]), plate(30, 5));
+      const turn: [number, number, number, number] = [0.02, 0.01, 0, Math.sqrt(1 - 0.0005)];
+      const camera = { ...cameraAt([0, 0, 0]), orientation: turn };
+      // Things that stand at a wall, which is below the sky.
+      const things = Array.from({ length: 49 }, (_, id) => {
+        const [x, y] = [(id % 7) - 3, Math.floor(id / 7) * 0.8 - 3];
+        const sides = id % 2 === 0 ? window.draw.FRONT_SIDE : window.draw.BOTH_SIDES;
+        return drawableAt(id, [x, y, -6.2], { geometry: id % 2, sides });
+      });
+      const wall = drawableAt(49, [0, -1, -6.5], { geometry: 2 });
+      const plane: Section = { kind: "plane", point: [0, 0, -5.9], direction: [0.3, 0, 1] };
+      const look = {
+        sections: [plane],
+        seeThrough: ObjectSet.of([1003, 1004, 1017]),
+        highlighted: ObjectSet.of([1006]),
+      };
+      pictures.push(await tileDifference(stage, camera, [...things, wall], look, 135));
+      stage.end();
+    }
+    return pictures;
+  },
+  (found) => {
+    for (const { tiles, differing, wrong, colours } of found) {
+      assert.equal(tiles, 12);
+      assert.ok(colours > 300, `${colours} colours`);
+      // Rounding may put an edge on the other side of one of the eight samples.
+      assert.ok(differing < 2e-3 && wrong < 1e-4, `${100 * differing} %, ${100 * wrong} %`);
+    }
+  },
+);
+
+drawn(
   "sections cut the same from the picture, the items and what is picked, and solids show their inside",
   undefined,
   () => {
@@ -537,6 +634,63 @@ drawn(
     assert.deepEqual([gone.item, gone.drawable], [8, 8]);
     // Clicks pass through see-through objects, and the one behind is visible.
     assert.deepEqual([through.item, through.drawable], [7, 8]);
+  },
+);
+
+drawn(
+  "a colour takes the place of the model's, and a highlight and culling stay",
+  undefined,
+  () => {
+    const { box, cameraAt, drawableAt, ObjectColours, ObjectSet, Stage } = window.draw;
+    const stage = new Stage(64, 64);
+    stage.set(box([1, 1, 1], [255, 0, 0]));
+    const camera = cameraAt([0, 0, 0]);
+    const drawables = [-1, 1].map((x, object) =>
+      drawableAt(40 + object, [x, 0, -4], { geometry: 0, object, sides: window.draw.FRONT_SIDE }),
+    );
+    const paints = [{ label: "", colour: 0x0000ff, objects: ObjectSet.of([1]) }];
+    const draw = (by: string, picked: readonly number[]) => {
+      const look = {
+        sections: [],
+        seeThrough: ObjectSet.EMPTY,
+        highlighted: ObjectSet.of(picked),
+        colours: by === "none" ? undefined : new ObjectColours({ by, paints }),
+      };
+      stage.renderer.draw(camera, drawables, look);
+      return [20, 44].map((x) => {
+        const colour = new Uint8Array(4);
+        stage.gl.readPixels(x, 32, 1, 1, stage.gl.RGBA, stage.gl.UNSIGNED_BYTE, colour);
+        return { colour: [...colour.slice(0, 3)], drawable: stage.renderer.pick(x, 31)?.drawable };
+      });
+    };
+    const found = { plain: draw("none", []), hand: draw("", []), by: draw("Size", []), both: draw("", [1]) };
+    stage.end();
+    return found;
+  },
+  ({ plain, hand, by, both }) => {
+    const colours = (pair: typeof plain) => pair.map(({ colour }) => colour);
+    const [left = [], right = []] = colours(plain);
+    assert.deepEqual(left, right, "both boxes are red");
+    assert.ok((left[0] ?? 0) > 4 * (left[2] ?? 0));
+    const [red, blue = []] = colours(hand);
+    assert.deepEqual(red, left, "what has no colour stays");
+    // Shading only makes it darker: its hue is that of the legend.
+    assert.deepEqual([blue[0], blue[1]], [0, 0]);
+    assert.ok((blue[2] ?? 0) > 100);
+    const [grey = [], again] = colours(by);
+    assert.deepEqual(again, blue);
+    assert.ok(grey[0] === grey[1] && grey[1] === grey[2] && (grey[0] ?? 0) > 100, `${grey}`);
+    const [, orange = []] = colours(both);
+    assert.ok(
+      (orange[0] ?? 0) > (orange[1] ?? 0) && (orange[1] ?? 0) > 50 && (orange[2] ?? 0) > 50,
+      `${orange}`,
+    );
+    for (const pair of [plain, hand, by, both]) {
+      assert.deepEqual(
+        pair.map(({ drawable }) => drawable),
+        [40, 41],
+      );
+    }
   },
 );
 

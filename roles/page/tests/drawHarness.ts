@@ -1,8 +1,11 @@
 /** Runs in the browser under test: gives tests the renderer, and pictures as numbers. */
 
+import { ObjectColours } from "../src/draw/colours.ts";
 import type { Camera, Drawable, Look, Mesh } from "../src/draw/model.ts";
+import { cutOut, tilesOf } from "../src/draw/region.ts";
 import { NOTHING, Renderer, type RendererOptions } from "../src/draw/renderer.ts";
 import { UNFOLDED } from "../src/draw/shaders.ts";
+import { loadSmoother } from "../src/draw/smoothing.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import { BOTH_SIDES, FRONT_SIDE } from "../src/proto/sides.ts";
 import * as scene from "./drawScene.ts";
@@ -80,6 +83,51 @@ export class Stage {
 }
 
 /**
+ * The difference between the picture at rest and the same picture drawn in tiles. It is the share of the
+ * pixels that differ at all, and of those with a tone that is off by more than a fifth. The number of colours
+ * is given as well.
+ */
+async function tileDifference(
+  stage: Stage,
+  camera: Camera,
+  drawables: readonly Drawable[],
+  look: Look,
+  side: number,
+): Promise<{ tiles: number; differing: number; wrong: number; colours: number }> {
+  const { renderer, gl, canvas } = stage;
+  const { width, height } = canvas;
+  const tiled = new Uint8Array(4 * width * height);
+  const tiles = tilesOf({ width, height }, side);
+  for (const tile of tiles) {
+    const pixels = (await renderer.drawRegion(camera, drawables, look, tile.drawn)) ?? new Uint8Array(0);
+    const rows = cutOut(tile, pixels);
+    for (let row = 0; row < tile.height; row += 1) {
+      // From above to below.
+      const to = tile.bottom + tile.height - 1 - row;
+      const from = rows.subarray(4 * row * tile.width, 4 * (row + 1) * tile.width);
+      tiled.set(from, 4 * (to * width + tile.left));
+    }
+  }
+  renderer.draw(camera, drawables, look);
+  while (renderer.refine()) {}
+  const whole = new Uint8Array(4 * width * height);
+  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, whole);
+  let [differing, wrong] = [0, 0];
+  const colours = new Set<number>();
+  for (let y = 0; y < height; y += 1) {
+    for (let x = 0; x < width; x += 1) {
+      const at = 4 * (y * width + x);
+      const tones = [0, 1, 2].map((of) => Math.abs((whole[at + of] ?? 0) - (tiled[at + of] ?? 0)));
+      differing += Math.max(...tones) > 2 ? 1 : 0;
+      wrong += Math.max(...tones) > 51 ? 1 : 0;
+      colours.add(((whole[at] ?? 0) << 16) | ((whole[at + 1] ?? 0) << 8) | (whole[at + 2] ?? 0));
+    }
+  }
+  const all = width * height;
+  return { tiles: tiles.length, differing: differing / all, wrong: wrong / all, colours: colours.size };
+}
+
+/**
  * The share of the pixels of a rectangle (left, top, width, height) of the picture at rest that are darker
  * than nine tenths of their median: those covered by lines.
  */
@@ -143,7 +191,18 @@ void main() { normal = unfolded(folded); }`;
 }
 
 /** Made available to tests in the page. */
-const harness = { Stage, NOTHING, darkness, unfolded, ObjectSet, FRONT_SIDE, BOTH_SIDES, ...scene };
+const harness = {
+  Stage,
+  NOTHING,
+  darkness,
+  tileDifference,
+  unfolded,
+  ObjectColours,
+  ObjectSet,
+  FRONT_SIDE,
+  BOTH_SIDES,
+  ...scene,
+};
 
 declare global {
   interface Window {
@@ -151,4 +210,5 @@ declare global {
   }
 }
 
-Object.assign(window, { draw: harness });
+// All of it is bundled, so the code is there before the page is.
+void loadSmoother().then(() => Object.assign(window, { draw: harness }));

@@ -147,6 +147,33 @@ export function pipe(radius: number, length: number, sides: number, parts: numbe
   return maker.mesh();
 }
 
+/**
+ * Rings of `sides` vertices about y, joined: each is a radius and a height. A radius of 0 is one vertex. It
+ * has no normals for flat shading.
+ */
+export function turned(sides: number, rings: readonly (readonly [number, number])[]): Mesh {
+  const maker = new MeshMaker();
+  const facet = [
+    [200, 200, 200],
+    [0, 1, 0],
+  ] as const;
+  const made = rings.map(([radius, y]) =>
+    Array.from({ length: radius === 0 ? 1 : sides }, (_, side) => {
+      const angle = (2 * Math.PI * side) / sides;
+      return maker.vertex([radius * Math.cos(angle), y, -radius * Math.sin(angle)], facet);
+    }),
+  );
+  for (let ring = 1; ring < made.length; ring += 1) {
+    const [below = [], above = []] = [made[ring - 1], made[ring]];
+    const at = (of: readonly number[], side: number) => of[side % of.length] ?? 0;
+    for (let side = 0; side < sides; side += 1) {
+      const corners = [at(below, side), at(below, side + 1), at(above, side + 1), at(above, side)];
+      maker.face(...corners.filter((corner, place) => corner !== corners[(place + 1) % 4]));
+    }
+  }
+  return maker.mesh();
+}
+
 const PRIMES = [2, 3, 5, 7, 11, 13, 17, 19, 23];
 
 /** A pseudo-random share from 0 to 1: the same for the same numbers. */

@@ -3,20 +3,26 @@
  * line on standard output.
  */
 
+import { readFileSync } from "node:fs";
 import { createInterface } from "node:readline";
-import { chromium } from "playwright-core";
+import { chromium, type Download } from "playwright-core";
 import type { Point } from "../src/space/point.ts";
 import type { Viewer } from "../src/viewer/viewer.ts";
+import { contrasts } from "./contrast.ts";
 
 declare global {
   interface Window {
     trimaran?: Viewer;
     eyes?: Point[];
+    /** How often the page was to be printed. */
+    prints?: number;
+    /** Lets the time pass for which messages and marks are shown. */
+    pass?: () => void;
   }
 }
 
-/** The timeout for an exact picture, milliseconds. */
-const PATIENCE = 60_000;
+/** The timeout of a command, milliseconds: a CPU may take long for an exact picture. */
+const LONGEST = 90_000;
 
 const [width = 512, height = 512] = process.argv.slice(2, 4).map(Number);
 const isTouch = process.argv.includes("touch");
@@ -40,9 +46,19 @@ const page = await browser.newPage({
   isMobile: isTouch,
   reducedMotion: hasMotion ? "no-preference" : "reduce",
 });
+page.setDefaultTimeout(LONGEST);
 if (hasMotion) {
   await page.addInitScript(recordEyes);
 }
+// The system's dialog would wait for a person.
+await page.addInitScript(() => {
+  window.prints = 0;
+  window.print = () => {
+    window.prints = (window.prints ?? 0) + 1;
+  };
+});
+await page.addInitScript(holdTimers);
+await page.addInitScript(holdRefinement);
 await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
 const faults: string[] = [];
 page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
@@ -60,6 +76,12 @@ interface Spot {
 interface Way {
   readonly right: number;
   readonly down: number;
+}
+
+interface Pinch {
+  readonly from: number;
+  readonly to: number;
+  readonly right: number;
 }
 
 interface Key {
@@ -81,6 +103,16 @@ interface Chosen {
 /** Commands that act, by name. Their answer is true. */
 const ACTIONS = {
   settle: () => until(() => page.evaluate(() => window.trimaran?.isSettled === true)),
+  /** Waits for the fine picture of an eye at rest. */
+  async refine() {
+    await page.evaluate(releaseRefinement);
+    await until(() => {
+      return page.evaluate(() => {
+        const { isSettled, renderer } = window.trimaran ?? {};
+        return isSettled === true && renderer?.isFine === true;
+      });
+    });
+  },
   async hold({ key, milliseconds }: Key & Time) {
     await page.keyboard.down(key);
     await page.waitForTimeout(milliseconds);
@@ -91,6 +123,8 @@ const ACTIONS = {
   press: ({ key }: Key) => page.keyboard.press(key),
   type: ({ text }: { text: string }) => page.keyboard.type(text),
   wait: ({ milliseconds }: Time) => page.waitForTimeout(milliseconds),
+  /** Ends the time for which messages and marks are shown: it does not pass by itself. */
+  pass: () => page.evaluate(() => window.pass?.()),
   /** Moves the eye there, in walk mode. */
   stand: (pose: { eye: Point; forward: Point }) =>
     page.evaluate(({ eye, forward }) => window.trimaran?.navigator.goTo(eye, forward), pose),
@@ -114,6 +148,13 @@ const ACTIONS = {
   picture: ({ path }: { path: string }) => page.screenshot({ path }),
   file: ({ selector, name, text }: Chosen & Name & { text: string }) =>
     page.locator(selector).setInputFiles({ name, mimeType: "application/json", buffer: Buffer.from(text) }),
+  /** Gives a file on the disk to the input of this selector. */
+  upload: ({ selector, path }: Chosen & { path: string }) => page.locator(selector).setInputFiles(path),
+  /** Types a text into the field with this label, in place of what it has. */
+  fill: ({ label, text }: { label: string; text: string }) =>
+    page.getByLabel(label, { exact: true }).fill(text),
+  /** The colours that the system prefers. */
+  prefer: ({ scheme }: { scheme: "light" | "dark" }) => page.emulateMedia({ colorScheme: scheme }),
   choose: ({ label, value }: { label: string; value: string }) => page.getByLabel(label).selectOption(value),
   /** Clicks the face of this name on the cube that shows the orientation. */
   async face({ name }: Name) {
@@ -156,6 +197,8 @@ const ACTIONS = {
     await page.mouse.move(x, y);
     await page.mouse.wheel(0, down);
   },
+  /** Two fingers at both sides of a place move from one distance to another, and across. */
+  pinch: (fingers: Spot & Pinch) => pinch(fingers),
   /** Touches a place for this long. */
   touch: (at: Spot & Time) => touch(at),
   /** Touches the control of that name for this long. */
@@ -188,12 +231,83 @@ const QUESTIONS = {
       const place = window.trimaran?.projection.place(point);
       return place && [place.x, place.y];
     }, point),
-  /** Clicks the download button of this name; returns the file's name. */
-  async download({ name }: Name) {
-    const button = page.getByRole("button", { name, exact: true });
-    const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
+  /** Clicks the download button of this name; returns the file's text. */
+  async downloaded({ name }: Name) {
+    return readFileSync(await (await downloaded(name)).path(), "utf8");
+  },
+  /** Scrolls the element to its end; returns how many pixels that is. */
+  end: ({ selector }: Chosen) =>
+    page.evaluate((selector) => {
+      const element = document.querySelector(selector);
+      element?.scrollTo({ top: element.scrollHeight });
+      return element?.scrollTop;
+    }, selector),
+  /** The colour of the picture at a place in CSS pixels, from 0 to 255. */
+  colour: (at: Spot) => page.evaluate(colour, at),
+  /** The same; returns the file's name. It is saved at `path`, if given. */
+  async download({ name, path }: Name & { path?: string }) {
+    const download = await downloaded(name);
+    if (path !== undefined) {
+      await download.saveAs(path);
+    }
     return download.suggestedFilename();
   },
+  /** The sizes of the document's pages on paper in points, once it was to be printed so often. */
+  async paper({ times }: { times: number }) {
+    await until(async () => (await page.evaluate(() => window.prints)) === times, "printing");
+    const pdf = (await page.pdf({ preferCSSPageSize: true })).toString("latin1");
+    const boxes = [...pdf.matchAll(/\/MediaBox\s*\[\s*0 0 ([\d.]+) ([\d.]+)\s*\]/g)];
+    return boxes.map((box) => [Number(box[1]), Number(box[2])]);
+  },
+  /** All texts with their contrast to what is behind them: see `contrast.ts`. */
+  contrasts: () => page.evaluate(contrasts),
+  /** The width and height in the file of the first image that is there, once it is loaded. */
+  async image({ selector }: Chosen) {
+    let size: unknown;
+    await until(async () => {
+      size = await page.evaluate((selector) => {
+        const image = document.querySelector<HTMLImageElement>(selector);
+        return image?.complete === true ? [image.naturalWidth, image.naturalHeight] : undefined;
+      }, selector);
+      return size !== undefined;
+    });
+    return size;
+  },
+  /**
+   * Opens the model in a window of its own from this page, and has this page send requests to it. Returns
+   * what this page hears, and what they have done.
+   */
+  async popup({ url }: { url: string }) {
+    const opened = page.context().waitForEvent("page");
+    await page.evaluate((url) => {
+      const heard: unknown[] = [];
+      Object.assign(window, { heard, opened: window.open(url) });
+      addEventListener("message", ({ data }) => heard.push(data));
+    }, url);
+    const model = await opened;
+    await until(() => model.evaluate(() => window.trimaran?.isSettled === true));
+    const heard = await page.evaluate(async () => {
+      const { opened, heard } = window as unknown as { opened: Window; heard: unknown[] };
+      for (const what of [{ do: "hello" }, { do: "select", parts: [{ object: 1 }] }, { do: "x" }]) {
+        opened.postMessage({ trimaran: 1, id: 1, ...what }, "*");
+      }
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      return heard;
+    });
+    const { selected } = (await model.evaluate(state)) as { selected: unknown };
+    const drawn = await model.evaluate(() => (window.trimaran?.pictures ?? 0) > 0);
+    await model.close();
+    return { heard, selected, drawn };
+  },
+  /** Whether panels are light or dark. */
+  theme: () => page.evaluate(() => document.documentElement.dataset.theme),
+  /** A number that changes with the pixels of the fine picture. */
+  async pixels() {
+    await page.evaluate(releaseRefinement);
+    return page.evaluate(pixels);
+  },
+  /** The result of `state` in the first frame of the document; nothing while it shows no model. */
+  framed: () => page.frames()[1]?.evaluate(state),
   /** The text of each of these elements. */
   text: ({ selector }: Chosen) =>
     page.evaluate(
@@ -257,6 +371,26 @@ async function run({ do: name, ...argument }: Command): Promise<unknown> {
   return QUESTIONS[name as keyof typeof QUESTIONS](argument as never);
 }
 
+async function downloaded(name: string): Promise<Download> {
+  const button = page.getByRole("button", { name, exact: true });
+  const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
+  return download;
+}
+
+/** Runs in the page. */
+function colour({ x, y }: Spot): readonly number[] | undefined {
+  const seen = window.trimaran;
+  seen?.drawNow();
+  const copy = document.createElement("canvas");
+  [copy.width, copy.height] = [1, 1];
+  const context = copy.getContext("2d");
+  if (seen === undefined || context === null) {
+    return undefined;
+  }
+  context.drawImage(seen.canvas, -Math.floor(x * seen.scale), -Math.floor(y * seen.scale));
+  return [...context.getImageData(0, 0, 1, 1).data.slice(0, 3)];
+}
+
 async function pull({ x, y, right, down }: Spot & Way, steps: number): Promise<void> {
   await page.mouse.move(x, y);
   await page.mouse.down();
@@ -293,9 +427,21 @@ function rects(selector: string): { x: number; y: number; width: number; height:
 }
 
 /** Runs in the page. */
+function pixels(): number {
+  const seen = window.trimaran;
+  seen?.drawNow();
+  // FNV-1a.
+  let hash = 0x811c9dc5;
+  for (const letter of seen?.canvas.toDataURL() ?? "") {
+    hash = Math.imul(hash ^ letter.charCodeAt(0), 0x01000193) >>> 0;
+  }
+  return hash;
+}
+
+/** Runs in the page. */
 function state(): unknown {
   const seen = window.trimaran;
-  const { hidden, seeThrough, sections } = seen?.view.current.value ?? {};
+  const { hidden, isolated, seeThrough, sections, colouring } = seen?.view.current.value ?? {};
   return {
     ...seen?.camera,
     start: seen?.scene.start,
@@ -303,8 +449,13 @@ function state(): unknown {
     mode: seen?.navigator.mode.value,
     selected: [...(seen?.selected.value ?? [])],
     hidden: [...(hidden ?? [])],
+    isolated: isolated && [...isolated],
     seeThrough: [...(seeThrough ?? [])],
     sections,
+    colouring: {
+      by: colouring?.by,
+      paints: colouring?.paints.map((paint) => ({ ...paint, objects: [...paint.objects] })),
+    },
     drawn: seen?.renderer.drawn,
   };
 }
@@ -318,6 +469,25 @@ async function touch({ x, y, milliseconds }: Spot & Time): Promise<void> {
   const down = devtools.send("Input.dispatchTouchEvent", { type: "touchStart", ...begin });
   await page.waitForTimeout(milliseconds);
   await Promise.all([down, devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", ...end })]);
+  await devtools.detach();
+}
+
+/** In ten steps. */
+async function pinch({ x, y, from, to, right }: Spot & Pinch): Promise<void> {
+  const devtools = await page.context().newCDPSession(page);
+  const send = (type: "touchStart" | "touchMove" | "touchEnd", share: number) => {
+    const [half, middle] = [(from + (to - from) * share) / 2, x + right * share];
+    const fingers = [-half, half].map((off, id) => ({ x: middle + off, y, id }));
+    return devtools.send("Input.dispatchTouchEvent", {
+      type,
+      touchPoints: type === "touchEnd" ? [] : fingers,
+    });
+  };
+  await send("touchStart", 0);
+  for (let step = 1; step <= 10; step += 1) {
+    await send("touchMove", step / 10);
+  }
+  await send("touchEnd", 1);
   await devtools.detach();
 }
 
@@ -416,13 +586,13 @@ function figures(): Record<string, string> {
 
 /** Waits until `holds`. The page's policy forbids playwright's own way to wait. */
 async function until(holds: () => Promise<boolean>, what = "it"): Promise<void> {
-  for (const began = performance.now(); performance.now() - began < PATIENCE; ) {
+  for (const began = performance.now(); performance.now() - began < LONGEST; ) {
     if (await holds()) {
       return;
     }
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
-  throw new Error(`${what} does not come about within ${PATIENCE} ms`);
+  throw new Error(`${what} does not come about within ${LONGEST} ms`);
 }
 
 /** Runs in the page. */
@@ -481,6 +651,53 @@ function look(): unknown {
   };
 }
 
+/**
+ * Runs in the page. Timers of 5 to 10 s, which end messages and marks, run when time is told to pass: a
+ * machine under load may take longer than that to look.
+ */
+function holdTimers(): void {
+  const held = new Map<number, () => void>();
+  const [start, stop] = [window.setTimeout, window.clearTimeout];
+  Object.assign(window, {
+    setTimeout(run: () => void, milliseconds = 0, ...given: unknown[]) {
+      const isHeld = milliseconds > 5000 && milliseconds < 10_000;
+      const timer = start(isHeld ? () => {} : run, milliseconds, ...given);
+      if (isHeld) {
+        held.set(timer, run);
+      }
+      return timer;
+    },
+    clearTimeout(timer?: number) {
+      held.delete(timer ?? 0);
+      stop(timer);
+    },
+    pass() {
+      for (const run of held.values()) {
+        run();
+      }
+      held.clear();
+    },
+  });
+}
+
+/** Runs in the page. A CPU takes seconds for a fine picture: it comes where a test asks for it. */
+function holdRefinement(): void {
+  let viewer: Viewer | undefined;
+  Object.defineProperty(window, "trimaran", {
+    get: () => viewer,
+    set(made: Viewer) {
+      made.renderer.refine = () => false;
+      viewer = made;
+    },
+  });
+}
+
+/** Runs in the page. */
+function releaseRefinement(): void {
+  const renderer: { refine?: unknown } | undefined = window.trimaran?.renderer;
+  delete renderer?.refine;
+}
+
 /** Chromium's error when the document has gone. */
 const IS_GONE = /context was destroyed|Cannot find context|a different document|because of a navigation/;
 
@@ -490,7 +707,7 @@ async function answered(command: Command): Promise<unknown> {
     try {
       return { answer: await run(command), faults };
     } catch (error) {
-      if (!IS_GONE.test(String(error)) || performance.now() - begun > PATIENCE) {
+      if (!IS_GONE.test(String(error)) || performance.now() - begun > LONGEST) {
         return { error: String(error), faults };
       }
     }

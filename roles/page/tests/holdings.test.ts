@@ -8,8 +8,8 @@ import type { DrawableRecord } from "../src/proto/records.ts";
 import { packPiece, packRecords } from "./packing.ts";
 
 const OUTLINE = { hash: 1n, nodes: 10, drawables: 10, geometries: 10, objects: 10 };
-/** Bytes of an unpacked triangle: three vertices of 20 bytes, three indices of 4. */
-const TRIANGLE = 72;
+/** Bytes of a triangle on the device: three vertices of 24 bytes, three indices of 4. */
+const TRIANGLE = 84;
 
 before(loadCodecs);
 

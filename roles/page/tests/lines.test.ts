@@ -1,4 +1,4 @@
-/** Lines of a picture at rest: their places, and places without lines. */
+/** Lines and dark corners of a picture at rest: their places, and places without them. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -134,5 +134,27 @@ lines(
     assert.ok(glass > 0.05, `${glass}`);
     assert.ok(behind > 0.05, `${behind}`);
     assert.equal(between, 0);
+  },
+);
+
+lines(
+  "a wall is dark beside a thing that stands at it, and not behind one that is far before it",
+  () => {
+    const { box, cameraAt, darkness, drawableAt, plate, Stage } = window.draw;
+    const stage = new Stage(128, 128, { samples: 1 });
+    stage.set(box([2, 2, 0.5]), plate(20, 20));
+    const wall = drawableAt(1, [0, 0, -10], { geometry: 1 });
+    const camera = cameraAt([0, 0, 0]);
+    // Strips of the wall from two pixels beside the box on.
+    const found = {
+      near: darkness(stage, camera, [drawableAt(0, [0, 0, -9.75]), wall], [80, 60, 40, 8]),
+      far: darkness(stage, camera, [drawableAt(0, [0, 0, -6]), wall], [89, 60, 35, 8]),
+    };
+    stage.end();
+    return found;
+  },
+  ({ near = 0, far = 1 }) => {
+    assert.ok(near > 0.01, `${near}`);
+    assert.equal(far, 0);
   },
 );

@@ -6,15 +6,14 @@ import { framingEye } from "../src/navigate/framing.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
 import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
-import { Navigator } from "../src/navigate/navigator.ts";
 import { approach, pan, turnAbout } from "../src/navigate/orbit.ts";
 import { mostOpen } from "../src/navigate/sides.ts";
 import { STANDARD_VIEWS } from "../src/navigate/standardViews.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
-import type { SceneDescription } from "../src/service/service.ts";
 import { centreOf, cornersOf } from "../src/space/box.ts";
 import type { Point } from "../src/space/point.ts";
+import { navigatorAtOrigin } from "./atOrigin.ts";
 
 /** Boxes on the ground: the solid spans at a place, by lower and upper ends. */
 function world(spans: (x: number, z: number) => readonly number[]): Solid {
@@ -254,25 +253,6 @@ test("keys and a gamepad say what a person wants", () => {
   assert.deepEqual(none, still());
 });
 
-/** A navigator of an eye at the origin, and the events of its window. */
-function navigatorAtOrigin(): { walker: Navigator; events: EventTarget } {
-  const scope = globalThis as { addEventListener?: unknown };
-  const canvas = Object.assign(new EventTarget(), { clientWidth: 800, clientHeight: 600 });
-  const scene = {
-    start: { eye: [0, 0, 0], forward: [0, 0, -1] },
-    core: { min: [-1, -1, -1], max: [1, 1, 1] },
-    hasFloors: false,
-    eyeHeight: 1.7,
-    tileSide: 16,
-    vfovDeg: 60,
-  } as unknown as SceneDescription;
-  const events = new EventTarget();
-  scope.addEventListener = events.addEventListener.bind(events);
-  Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => [] }, configurable: true });
-  const service = { tile: () => Promise.reject(new Error("nothing is fetched")) };
-  return { walker: new Navigator(canvas as unknown as HTMLCanvasElement, scene, service), events };
-}
-
 test("a flight begins when it is ready, arrives in time, and ends with any input", () => {
   const { walker, events } = navigatorAtOrigin();
   const to = { eye: [0, -8, -40], forward: [1, 0, 0] } as const;
@@ -417,7 +397,7 @@ test("a box that is framed is all in the picture and fills it one way, from wher
     const [width, height] = [100 + 1900 * random(), 100 + 1900 * random()];
     const vfov = 20 + 80 * random();
     const tanY = Math.tan((vfov * Math.PI) / 360);
-    const eye = framingEye({ min, max }, gaze, (tanY * width) / height, tanY);
+    const eye = framingEye(cornersOf({ min, max }), gaze, (tanY * width) / height, tanY);
     const { orientation } = gaze;
     const projection = new Projection({ eye, orientation, tanHalfFov: tanY, near: 1e-9 }, width, height);
     const places = cornersOf({ min, max }).map((corner) => {
@@ -438,7 +418,7 @@ test("a box that is framed is all in the picture and fills it one way, from wher
 
 test("what is a point is framed from a distance", () => {
   const point: Point = [1, 2, 3];
-  const eye = framingEye({ min: point, max: point }, new Gaze([0, 0, -1]), 0.5, 0.5);
+  const eye = framingEye([point], new Gaze([0, 0, -1]), 0.5, 0.5);
   assert.deepEqual([eye[0], eye[1]], [1, 2]);
   assert.ok(eye[2] > 3 && eye[2] < 3.1, `${eye}`);
   assert.deepEqual(centreOf({ min: [0, 0, 0], max: [2, 4, 6] }), [1, 2, 3]);

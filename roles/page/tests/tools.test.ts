@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { MOST_PAINTS, NO_COLOURS } from "../src/draw/colours.ts";
 import { cutPlanes, MOST_PLANES } from "../src/draw/cut.ts";
 import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
@@ -89,8 +90,16 @@ const VIEWPOINT: Viewpoint = {
     distances: [
       { from: { point: [1e6, 0, 0.1], error: 0.02 }, to: { point: [1e6, 2, 0], error: undefined } },
     ],
+    colouring: NO_COLOURS,
   },
 };
+
+/** The text of `VIEWPOINT` by a page without colours. */
+const OLD =
+  "A4p3ZlVEMyIPYX24qVQ84QANSHVsZHJhIMOlw6TDtgKrqqqqgIQuQQAAAAAAAADAmpmZmZmZuT8AAAAAAAAAADMzMzMzM-M_" +
+  "mpmZmZmZ6b8AAAAAAMBLQAEAAAAAgIQuQQAAAAAAAAAAmpmZmZmZuT8BexSuR-F6lD8AAAAAgIQuQQAAAAAAAABAAAAAAAAA" +
+  "AAAAAQEAAAAAAADwPwACAgEAAAAAAADwvwAAAAAAAADAAAAAAAAACMAAAAAAAADwPwAAAAAAAABAAAAAAAAACEAAAAAAAAAA" +
+  "AAAAAAAAAADwPwAAAAAAAAAAAAAAAAAAAAAAAAAAAADwPwAAAAAAAAAAAgEC29wqAAEBBZqNBgEA";
 
 test("a viewpoint is the same behind its text, which needs no quoting in an address", () => {
   const text = encodeViewpoint(VIEWPOINT);
@@ -115,6 +124,23 @@ test("a viewpoint is the same behind its text, which needs no quoting in an addr
   assert.equal(decodeViewpoint(many), undefined);
   const nowhere = encodeViewpoint({ ...VIEWPOINT, eye: [Number.NaN, 0, 0] });
   assert.equal(decodeViewpoint(nowhere), undefined);
+});
+
+test("a viewpoint has its colours, and one without is as it was before there were any", () => {
+  const paint = { label: "Größe 5", colour: 0xffffff, objects: ObjectSet.of([0, 2, 9]) };
+  const coloured = {
+    ...VIEWPOINT,
+    view: { ...VIEWPOINT.view, colouring: { by: "Size", paints: [paint, { ...paint, colour: 0 }] } },
+  };
+  const text = encodeViewpoint(coloured);
+  assert.deepEqual(decodeViewpoint(text), coloured);
+  assert.equal(encodeViewpoint(VIEWPOINT), OLD);
+  assert.deepEqual(decodeViewpoint(OLD), VIEWPOINT);
+  const wrong = (paints: readonly (typeof paint)[]) =>
+    encodeViewpoint({ ...coloured, view: { ...coloured.view, colouring: { by: "", paints } } });
+  assert.equal(decodeViewpoint(wrong([{ ...paint, colour: 1 << 24 }])), undefined);
+  assert.equal(decodeViewpoint(wrong(Array.from({ length: MOST_PAINTS + 1 }, () => paint))), undefined);
+  assert.equal(decodeViewpoint(text.slice(0, -4)), undefined);
 });
 
 test("a viewpoint may hide any number of objects", () => {
@@ -168,6 +194,48 @@ test("viewpoints are read from a file that is right, and a wrong one changes not
   assert.ok(first);
   other.remove(first);
   assert.equal(other.list.value.length, 2);
+});
+
+test("sets are kept beside views, and files without them are read as before", () => {
+  const kept = new KeptViewpoints(SCENE);
+  kept.add({ name: "pump", thumbnail: "", viewpoint: VIEWPOINT });
+  const before = kept.toJson();
+  assert.deepEqual(JSON.parse(before), [{ name: "pump", thumbnail: "", view: OLD }]);
+  assert.equal(kept.addSet("size > 100"), "size > 100");
+  assert.equal(kept.addSet("size > 100"), "size > 100 (2)");
+  assert.equal(kept.addSet("valve", " all valves "), "all valves");
+  const [first, second] = kept.sets.value;
+  assert.ok(first && second);
+  kept.renameSet(first, "all valves");
+  kept.renameSet(second, " ");
+  kept.removeSet(second);
+  const sets = [
+    { name: "all valves (2)", query: "size > 100" },
+    { name: "all valves", query: "valve" },
+  ];
+  assert.deepEqual(kept.sets.value, sets);
+  const other = new KeptViewpoints(SCENE);
+  other.addJson(kept.toJson());
+  assert.deepEqual([other.sets.value, other.list.value], [sets, kept.list.value]);
+  other.addJson(before);
+  assert.deepEqual([other.sets.value, other.list.value.length], [sets, 2]);
+  other.addJson('[{"name":"valves","query":""}]');
+  assert.equal(other.sets.value.length, 3);
+  for (const [wrong, why] of [
+    ['[{"query":"a"}]', /set number 1 needs a "name"/],
+    ['[{"name":" ","query":"a"}]', /set “ ” needs/],
+    [`[{"name":"a","query":"${"x".repeat(2001)}"}]`, /at most 2000 letters/],
+    ['[{"name":"a","query":7}]', /view “a” needs/],
+    [`[${Array(201).fill('{"name":"a","query":"b"}')}]`, /has 201 sets: 200/],
+    [`[${Array(199).fill('{"name":"a","query":"b"}')}]`, /199 sets there would be more than 200/],
+  ] as const) {
+    assert.throws(
+      () => other.addJson(wrong),
+      (error) => error instanceof ViewpointsError && why.test(error.message),
+      wrong.slice(0, 100),
+    );
+    assert.deepEqual([other.sets.value.length, other.list.value.length], [3, 2]);
+  }
 });
 
 test("no two viewpoints are called the same", () => {

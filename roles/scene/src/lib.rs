@@ -22,11 +22,13 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `scene` | [`Scene`]: the file, its records loaded on demand, and their checks |
+//! | [`clearance`] | distances between objects, and clashes |
 //! | [`heightfield`] | the solid parts, for walking |
 //! | `overview` | finding the [`Overview`] of a scene |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 
+pub mod clearance;
 pub mod heightfield;
 mod overview;
 pub mod path;
@@ -34,9 +36,10 @@ pub mod random;
 mod scene;
 
 pub use scene::{
-    Attribute, Bounds, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
-    GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, Level, Levels, MOST_ENTRIES,
-    Node, NodeId, Normal, ObjectAttributes, ObjectRecord, OpenError, Overview, ReadCause, ReadError, Records,
-    Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
-    pack_entries, unpack_entries,
+    Attribute, Bounds, Coordinates, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION,
+    FORMAT_VERSIONS, FileFrame, FlatObject, Geometry, GeometryError, GeometryPlace, GeometryReader,
+    GiveError, Group, GroupLevel, GroupLevelError, Hierarchy, Level, Levels, MOST_ENTRIES, Node, NodeId,
+    Normal, ObjectAttributes, ObjectRecord, OpenError, Overview, PlantFrame, ReadCause, ReadError, Records,
+    Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, UpAxis, Vertex,
+    looks_like_a_scene, pack_entries, unpack_entries,
 };

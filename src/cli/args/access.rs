@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use hyper::header::HeaderName;
-use trimaran::page::{PersonName, Proxies, ProxyNetwork, TlsFiles, Token, Until};
+use trimaran::page::{FrameAncestor, PersonName, Proxies, ProxyNetwork, TlsFiles, Token, Until};
 
 /// The tokens of a page, its certificate, and the proxies in front of it.
 #[derive(Debug, Clone, Args)]
@@ -54,6 +54,15 @@ impl AccessArgs {
     }
 }
 
+/// The pages around a page.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct EmbeddingArgs {
+    /// The origins of pages that may show this one in a frame and drive it by messages, such as
+    /// https://portal.example [default: none but its own].
+    #[arg(long, value_name = "ORIGIN,..", value_delimiter = ',', env = "TRIMARAN_FRAME_ANCESTORS")]
+    pub(crate) frame_ancestors: Vec<FrameAncestor>,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum TokenCommand {
     /// Make a token: prints an entry for a file of tokens, and on standard error the token itself, which is
@@ -65,5 +74,8 @@ pub(crate) enum TokenCommand {
         /// are UTC [default: never].
         #[arg(long, value_name = "DATE")]
         until: Option<Until>,
+        /// Let its holder look, and write no notes.
+        #[arg(long)]
+        look: bool,
     },
 }

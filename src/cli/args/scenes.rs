@@ -4,12 +4,15 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
-use trimaran_cook::{CookOptions, import::ImportLimits};
+use trimaran_cook::{
+    CookOptions,
+    import::{ImportLimits, PlantFrame},
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm, .rev), OBJ, STL, PLY, STEP, IGES. Several make one
-    /// scene.
+    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm, .rev), OBJ, STL, PLY, STEP, IGES, IFC. Several make
+    /// one scene.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// Where to write the scene.
@@ -25,8 +28,8 @@ pub(crate) struct ImportArgs {
 /// How files are read.
 #[derive(Debug, Args)]
 pub(crate) struct ReadingArgs {
-    /// How far a tessellated curve may lie from the true one, millimetres (RVM, STEP, IGES). No curve is cut
-    /// finer than a ten-thousandth of its radius.
+    /// How far a tessellated curve may lie from the true one, millimetres (RVM, STEP, IGES, IFC). No curve is
+    /// cut finer than a ten-thousandth of its radius.
     #[arg(
         long,
         value_name = "MM",
@@ -38,11 +41,21 @@ pub(crate) struct ReadingArgs {
     /// Which way is up in the files [default: y for glTF and OBJ, z for all others].
     #[arg(long, value_enum)]
     pub(crate) up: Option<Up>,
-    /// Metres a unit of the files' coordinates [default: 1 for OBJ and PLY, 0.001 for RVM and STL; glTF, STEP
-    /// and IGES have their own].
+    /// Metres a unit of the files' coordinates [default: 1 for OBJ and PLY, 0.001 for RVM and STL; glTF,
+    /// STEP, IGES and IFC have their own].
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
-    /// How long the converter of STEP and IGES may make no progress, seconds.
+    /// East, north and up of the model's own origin in the plant's coordinates, metres: for models that were
+    /// exported about an origin of their own [default: 0,0,0].
+    #[arg(long, value_name = "E,N,U", value_parser = origin, allow_hyphen_values = true)]
+    pub(crate) origin: Option<Origin>,
+    /// Where north is in the files: degrees clockwise from y, seen from above (from -z where y is up).
+    #[arg(
+        long, value_name = "DEGREES", default_value_t = 0.0, value_parser = angle,
+        allow_negative_numbers = true
+    )]
+    pub(crate) north: f64,
+    /// How long the converter of STEP, IGES or IFC may make no progress, seconds.
     #[arg(long, value_name = "S", default_value_t = 1800.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) converter_timeout: f64,
     /// Take nothing that would have to be left out or repaired: each warning is an error.
@@ -76,6 +89,34 @@ pub(crate) struct LimitArgs {
     /// triangles.
     #[arg(long, value_name = "N", default_value_t = CookOptions::default().max_nodes)]
     pub(crate) max_nodes: usize,
+}
+
+/// East, north and up, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Origin(pub(crate) [f64; 3]);
+
+fn origin(text: &str) -> Result<Origin, String> {
+    let numbers: Vec<f64> = text.split(',').map(|part| finite(part.trim())).collect::<Result<_, _>>()?;
+    let count = numbers.len();
+    let origin: [f64; 3] =
+        numbers.try_into().map_err(|_| format!("three numbers with commas between, not {count}"))?;
+    match (PlantFrame { origin, north_deg: 0.0 }).is_sound() {
+        true => Ok(Origin(origin)),
+        false => Err("at most 10^12 m".to_owned()),
+    }
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    let north_deg = finite(text)?;
+    match (PlantFrame { origin: [0.0; 3], north_deg }).is_sound() {
+        true => Ok(north_deg),
+        false => Err("from -360 to 360 degrees".to_owned()),
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| format!("{text:?} is not a number"))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -9,7 +9,11 @@ use trimaran_proto::Viewport;
 
 #[cfg(feature = "window")]
 use super::walks::{Size, size};
-use super::{access::AccessArgs, links::LinkFlags, scenes::ReadingArgs};
+use super::{
+    access::{AccessArgs, EmbeddingArgs},
+    links::LinkFlags,
+    scenes::ReadingArgs,
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
@@ -21,6 +25,15 @@ pub(crate) struct ServeArgs {
     pub(crate) listen: SocketAddr,
     #[command(flatten)]
     pub(crate) access: AccessArgs,
+    /// The folder of the notes that people write. It is made with the first note [default: that beside the
+    /// scene, such as plant.notes].
+    #[arg(long, value_name = "DIR", env = "TRIMARAN_NOTES")]
+    pub(crate) notes: Option<PathBuf>,
+    /// Show notes, and let nobody write any.
+    #[arg(long, env = "TRIMARAN_READ_ONLY")]
+    pub(crate) read_only: bool,
+    #[command(flatten)]
+    pub(crate) embedding: EmbeddingArgs,
     /// Show metrics on http://ADDRESS:PORT/metrics, and probes at /livez and /readyz.
     #[arg(long, value_name = "ADDRESS:PORT", env = "TRIMARAN_METRICS")]
     pub(crate) metrics: Option<SocketAddr>,
@@ -58,8 +71,8 @@ fn people(text: &str) -> Result<usize, String> {
 /// Reading files and showing them to a browser of this machine.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// A cooked scene, or files of a model: glTF, AVEVA review (.rvm), OBJ, STL, PLY, STEP, IGES. Several make
-    /// one model. With --window also the address that `trimaran serve` has printed elsewhere.
+    /// A cooked scene, or files of a model: glTF, AVEVA review (.rvm), OBJ, STL, PLY, STEP, IGES, IFC.
+    /// Several make one model. With --window also the address that `trimaran serve` has printed elsewhere.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// Print the page's address, and leave opening it to you.
@@ -95,6 +108,8 @@ pub(crate) struct ViewArgs {
     /// Print how it fared as JSON.
     #[arg(long, requires = "drive")]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) embedding: EmbeddingArgs,
     #[command(flatten)]
     pub(crate) guests: GuestArgs,
     #[command(flatten)]

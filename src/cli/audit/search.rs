@@ -10,7 +10,7 @@ use trimaran_gpu::GpuOptions;
 use super::super::{
     Failure,
     args::SearchArgs,
-    number, print_json, printed, progress, terminal,
+    number, plural, print_json, printed, progress, terminal,
     walking::{gpu_options, runtime, stop_on_signal},
 };
 
@@ -62,7 +62,8 @@ pub(super) fn run(args: &SearchArgs) -> Result<(), Failure> {
         }
         0 => Ok(()),
         failures => {
-            Err(Failure::broken(format!("culling has changed pixels on {failures} walks; see above")))
+            let walks = plural(failures as u64, "walk", "walks");
+            Err(Failure::broken(format!("culling has changed pixels on {walks}; see above")))
         }
     }
 }

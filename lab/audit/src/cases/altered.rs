@@ -1,8 +1,8 @@
 //! Scenes with deliberate errors, which checks must notice.
 
-use trimaran_scene::{Drawable, Hierarchy, Node, ObjectRecord, Scene, SceneArrays, SceneError};
+use trimaran_scene::{Coordinates, Drawable, Hierarchy, Node, ObjectRecord, Scene, SceneArrays, SceneError};
 
-/// The scene with other nodes and drawables, and without names.
+/// The scene with other nodes and drawables, and without names or coordinates of a plant.
 ///
 /// # Errors
 /// If the scene's own rules no longer hold.
@@ -19,6 +19,7 @@ pub fn with_records(scene: &Scene, nodes: Vec<Node>, drawables: Vec<Drawable>) -
         sources: scene.sources().to_vec(),
         see_through: scene.see_through().clone(),
         hierarchy: Hierarchy::default(),
+        coordinates: Coordinates::default(),
     })
 }
 

@@ -257,6 +257,7 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
     arrays.sources = model.sources.iter().map(|source| source.name.clone()).collect();
     arrays.see_through = see_through::objects(model);
     arrays.hierarchy = model.hierarchy.clone();
+    arrays.coordinates = model.coordinates.clone();
     for object in &model.objects {
         arrays.objects.push(ObjectRecord {
             source: object.source,

@@ -183,6 +183,7 @@ fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
     let first_group = index(model.hierarchy.groups.len(), part.hierarchy.groups.len(), "groups")?;
     model.meshes.extend(part.meshes);
     model.sources.extend(part.sources);
+    model.coordinates.files.extend(part.coordinates.files);
     model.objects.extend(part.objects.into_iter().map(|object| Object {
         mesh: object.mesh + first_mesh,
         source: object.source + first_source,

@@ -13,6 +13,7 @@ use super::report::Warning;
 use super::rvm::RvmError;
 use super::stl::StlError;
 use crate::ModelError;
+use trimaran_scene::PlantFrame;
 
 /// Why files could not be imported: the file, the place in it, and the remedy.
 #[derive(Debug, Error)]
@@ -20,7 +21,8 @@ use crate::ModelError;
 pub enum ImportError {
     /// There are no files.
     #[error(
-        "no input files: name at least one .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or .iges file"
+        "no input files: name at least one .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step, .iges \
+         or .ifc file"
     )]
     NoFiles,
     /// An option is invalid.
@@ -30,6 +32,15 @@ pub enum ImportError {
         option: &'static str,
         /// Its value.
         value: f64,
+    },
+    /// The plant's coordinates make no sense.
+    #[error(
+        "the plant's origin is {:?}, and its north at {} degrees; the origin must be within 10^12 m, and \
+         north at most a full turn", plant.origin, plant.north_deg
+    )]
+    Plant {
+        /// Its coordinates.
+        plant: PlantFrame,
     },
     /// A file cannot be read at all.
     #[error("cannot read {path}: {source}; check the name and the permissions")]
@@ -41,8 +52,8 @@ pub enum ImportError {
     },
     /// The name has no known ending.
     #[error(
-        "{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, .step or \
-         .iges"
+        "{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev, .obj, .stl, .ply, \
+         .step, .iges or .ifc"
     )]
     UnknownFormat {
         /// The file.
@@ -72,8 +83,8 @@ pub enum ImportError {
     },
     /// A packed file of a format that is not read when packed.
     #[error(
-        "{path} is packed with gzip, and only OBJ, STL, PLY, STEP and IGES are read so: unpack it first, as with \
-         gunzip"
+        "{path} is packed with gzip, and only OBJ, STL, PLY, STEP, IGES and IFC are read so: unpack it \
+         first, as with gunzip"
     )]
     Packed {
         /// The file.
@@ -121,7 +132,7 @@ pub enum ImportError {
         /// The error.
         source: ObjError,
     },
-    /// A STEP or IGES file cannot be converted.
+    /// A STEP, IGES or IFC file cannot be converted.
     #[error("{path}: {source}")]
     Cad {
         /// The file.

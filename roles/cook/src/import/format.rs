@@ -24,6 +24,8 @@ pub enum Format {
     Stl,
     /// PLY (the Stanford polygon format), in its text form or either binary form.
     Ply,
+    /// IFC in its STEP form (ISO 10303-21), or a ZIP archive of that.
+    Ifc,
 }
 
 impl Format {
@@ -66,6 +68,10 @@ impl Format {
             Some("step" | "stp" | "stpz" | "p21") => wrong(".step", "ISO-10303-21"),
             Some("iges" | "igs") if is_iges(bytes) => Ok(Self::Iges),
             Some("iges" | "igs") => wrong(".iges", "a line that has the letter S in its column 73"),
+            // Either form under either name.
+            Some("ifc" | "ifczip") if is_step(bytes) || bytes.starts_with(b"PK\x03\x04") => Ok(Self::Ifc),
+            Some("ifc") => wrong(".ifc", "ISO-10303-21"),
+            Some("ifczip") => wrong(".ifczip", "the letters PK: it is a ZIP archive"),
             other => Err(match other.and_then(converted_by) {
                 Some((format, way)) => ImportError::ToBeConverted { path: path.to_owned(), format, way },
                 None => ImportError::UnknownFormat { path: path.to_owned() },
@@ -81,7 +87,7 @@ fn converted_by(ending: &str) -> Option<(&'static str, &'static str)> {
     const MESHLAB: &str = "by exporting it as PLY from MeshLab";
     const SURFACE: &str = "by making a surface of its points and saving that as PLY, as with CloudCompare";
     Some(match ending {
-        "ifc" | "ifczip" | "ifcxml" => ("an IFC model", "as with IfcConvert from IfcOpenShell, to .glb"),
+        "ifcxml" => ("IFC as XML", "by exporting it as .ifc from the program that made it"),
         "brep" | "brp" | "fcstd" => {
             ("a FreeCAD or Open CASCADE model", "by exporting it as STEP from FreeCAD")
         }
@@ -169,10 +175,23 @@ mod tests {
     fn a_format_that_is_not_read_names_its_converter() {
         let said = |name: &str| Format::of(Path::new(name), b"").unwrap_err().to_string();
         assert_eq!(
-            said("a/b.IFC"),
-            "a/b.IFC is an IFC model, which is not read: convert it first, as with IfcConvert from IfcOpenShell, to .glb"
+            said("a/b.JT"),
+            "a/b.JT is a model of a CAD program, which is not read: convert it first, by exporting it as \
+             STEP or glTF from the program that made it"
         );
+        assert!(said("a.ifcXML").contains("exporting it as .ifc"));
         assert!(said("a.fbx").contains("Blender") && said("a.e57").contains("point cloud"));
+    }
+
+    #[test]
+    fn ifc_is_known_packed_or_not() {
+        for name in ["a.ifc", "a.IFCZIP"] {
+            for bytes in [&b"ISO-10303-21;\n"[..], b"PK\x03\x04"] {
+                assert_eq!(Format::of(Path::new(name), bytes).unwrap(), Format::Ifc);
+            }
+            let wrong = Format::of(Path::new(name), b"<?xml").unwrap_err().to_string();
+            assert!(wrong.contains("is not what its name says"), "{wrong}");
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub(super) struct Unpacked<'b> {
 }
 
 /// The endings of formats that are read packed.
-const READ_PACKED: [&str; 9] = ["obj", "stl", "ply", "step", "stp", "stpz", "p21", "iges", "igs"];
+const READ_PACKED: [&str; 10] = ["obj", "stl", "ply", "step", "stp", "stpz", "p21", "iges", "igs", "ifc"];
 
 /// The formats that are known by their first bytes.
 const KNOWN: [(&str, &[u8]); 4] =

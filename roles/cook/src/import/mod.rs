@@ -1,5 +1,5 @@
 //! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM), Wavefront OBJ, STL and PLY;
-//! STEP and IGES by a converter.
+//! STEP, IGES and IFC by converters.
 //!
 //! [`import`] takes any number of files and makes one model of them. It keeps the data of a walk (shape,
 //! place, base colour, name), but not animation and materials beyond the base colour. The world of the result
@@ -33,11 +33,10 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 pub use budget::{ImportLimits, NAME_UNIT, OverBudget, Resource};
-pub use cad::{CadError, Converter, find_converter};
+pub use cad::{CadError, Converters, Engine};
 pub use error::{FilePosition, ImportError};
 pub use format::Format;
 pub use gltf::GltfError;
@@ -47,34 +46,28 @@ pub use report::{ImportReport, Warning, WarningKind};
 pub use rvm::RvmError;
 pub use stl::StlError;
 pub use text::NotText;
+pub use trimaran_scene::{FileFrame, PlantFrame, UpAxis};
 
 use self::budget::Budget;
 use crate::Model;
-
-/// The upward axis of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum UpAxis {
-    /// y up: glTF by its specification, OBJ by custom.
-    Y,
-    /// z up: RVM, STL, PLY, and most CAD. (x, y, z) becomes (x, z, -y).
-    Z,
-}
 
 /// The options of reading files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
     /// The largest distance of a tessellated surface from the true one, metres. No curve is cut finer than a
-    /// ten-thousandth of its size. RVM, STEP and IGES have curved surfaces.
+    /// ten-thousandth of its size. RVM, STEP, IGES and IFC have curved surfaces.
     pub chord_tolerance: f64,
     /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for all others.
     pub up: Option<UpAxis>,
     /// Metres per unit of length; `None` is each format's own: 1 for OBJ and PLY, 0.001 for RVM and STL. glTF
-    /// is in metres by its specification, STEP and IGES say their unit, and they ignore it.
+    /// is in metres by its specification, STEP, IGES and IFC say their unit, and they ignore it.
     pub unit: Option<f64>,
+    /// The plant's coordinates, if they differ from those of the files. No part is moved by it.
+    pub plant: PlantFrame,
     /// The limits.
     pub limits: ImportLimits,
-    /// The program that reads STEP and IGES.
-    pub converter: Converter,
+    /// The programs that read STEP, IGES and IFC.
+    pub converters: Converters,
 }
 
 impl Default for ImportOptions {
@@ -83,8 +76,9 @@ impl Default for ImportOptions {
             chord_tolerance: 1e-3,
             up: None,
             unit: None,
+            plant: PlantFrame::default(),
             limits: ImportLimits::default(),
-            converter: Converter::default(),
+            converters: Converters::default(),
         }
     }
 }
@@ -101,6 +95,12 @@ pub struct Imported {
 impl Imported {
     /// How many warnings are named when a model has nothing to draw.
     const REASONS: usize = 5;
+
+    /// The same model in a plant of these coordinates.
+    fn within(mut self, plant: PlantFrame) -> Self {
+        self.model.coordinates.plant = plant;
+        self
+    }
 
     /// The model, if it has anything to draw.
     ///
@@ -134,8 +134,8 @@ pub struct Progress<'a> {
 /// Reads `paths` into one model: the files' objects one after the other, in the order given.
 ///
 /// The format follows from the file's name, and its first bytes confirm it. Files are read in parallel.
-/// `progress` is called after each, in the order in which they finish, and for each percent of a STEP or IGES
-/// file. The result does not depend on that order.
+/// `progress` is called after each, in the order in which they finish, and for each percent of a STEP, IGES
+/// or IFC file. The result does not depend on that order.
 ///
 /// # Errors
 /// The first file, in the order given, that cannot be read; or invalid options.
@@ -166,7 +166,8 @@ pub fn import(
             part
         })
         .collect();
-    assemble::merge(&budget, paths.iter().map(PathBuf::as_path).zip(parts))
+    let imported = assemble::merge(&budget, paths.iter().map(PathBuf::as_path).zip(parts))?;
+    Ok(imported.within(options.plant))
 }
 
 /// Reads one file that is in memory. `name` decides the format; files that it refers to are not read.
@@ -177,7 +178,7 @@ pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     options.check()?;
     let budget = Budget::new(options.limits);
     let part = read(name, None, bytes, options, &budget, &|_| {});
-    assemble::merge(&budget, [(name, part)])
+    Ok(assemble::merge(&budget, [(name, part)])?.within(options.plant))
 }
 
 /// One file's part of the model, its objects in the world frame, with the report.
@@ -200,8 +201,10 @@ fn import_file(
         (&file).take(Format::START).read_to_end(&mut start).map_err(unread)?;
         let unpacked = gzip::unpacked(path, &start)?;
         Format::of(&unpacked.name, &unpacked.bytes)?;
-        return rvm::import(Some(path), file, options, budget)
-            .map_err(|source| ImportError::Rvm { path: path.to_owned(), source });
+        let mut part = rvm::import(Some(path), file, options, budget)
+            .map_err(|source| ImportError::Rvm { path: path.to_owned(), source })?;
+        part.model.coordinates.files = vec![options.frame_of(Format::Rvm)];
+        return Ok(part);
     }
     let bytes = budget.read(path).map_err(unread)?;
     read(path, Some(path), &bytes, options, budget, progress)
@@ -218,13 +221,18 @@ fn read(
 ) -> Result<Part, ImportError> {
     let unpacked = gzip::unpacked(name, bytes)?;
     let bytes = &*unpacked.bytes;
-    let mut part = match Format::of(&unpacked.name, bytes)? {
+    let format = Format::of(&unpacked.name, bytes)?;
+    let mut part = match format {
         Format::Gltf => gltf::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
-        format @ (Format::Step | Format::Iges) => {
-            let kind = if format == Format::Step { cad::Kind::Step } else { cad::Kind::Iges };
+        format @ (Format::Step | Format::Iges | Format::Ifc) => {
+            let kind = match format {
+                Format::Step => cad::Kind::Step,
+                Format::Iges => cad::Kind::Iges,
+                _ => cad::Kind::Ifc,
+            };
             // The converter reads the file itself, unless it was packed.
             let path = path.filter(|_| matches!(unpacked.bytes, Cow::Borrowed(_)));
             cad::import(kind, &stem(&unpacked.name), path, bytes, options, budget, progress)
@@ -237,6 +245,7 @@ fn read(
         Format::Rvm => rvm::import(path, Cursor::new(bytes), options, budget)
             .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
     }?;
+    part.model.coordinates.files = vec![options.frame_of(format)];
     if unpacked.behind > 0 {
         let detail = format!("{} bytes", unpacked.behind);
         part.report.warn_about(WarningKind::BehindPacked, &detail, 1);
@@ -257,34 +266,99 @@ impl ImportOptions {
         }
         match self.unit {
             Some(unit) if !positive(unit) => Err(ImportError::Option { option: "unit", value: unit }),
+            _ if !self.plant.is_sound() => Err(ImportError::Plant { plant: self.plant }),
             _ => Ok(()),
         }
     }
 
-    /// The map from a file's frame to the world's, for a format whose own up axis is `default`.
-    fn file_to_world(&self, default: UpAxis) -> DAffine3 {
-        DAffine3::from_mat3(match self.up.unwrap_or(default) {
-            UpAxis::Y => DMat3::IDENTITY,
-            UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
-        })
+    /// The coordinates of a file of this format, read with these options.
+    fn frame_of(&self, format: Format) -> FileFrame {
+        let (up, unit) = match format {
+            Format::Gltf => (UpAxis::Y, Some(1.0)),
+            Format::Obj => (UpAxis::Y, Some(self.unit.unwrap_or(1.0))),
+            Format::Ply => (UpAxis::Z, Some(self.unit.unwrap_or(1.0))),
+            Format::Stl => (UpAxis::Z, Some(self.unit.unwrap_or(1e-3))),
+            Format::Rvm => (UpAxis::Z, Some(self.unit.unwrap_or(rvm::USUAL_UNIT))),
+            Format::Step | Format::Iges | Format::Ifc => (UpAxis::Z, None),
+        };
+        FileFrame { up: self.up.unwrap_or(up), metres_per_unit: unit }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::{DVec3, Vec3};
+
     use super::*;
 
     #[test]
     fn z_up_turns_into_y_up() {
-        let map = ImportOptions::default().file_to_world(UpAxis::Z);
+        let map = ImportOptions::default().frame_of(Format::Ply).to_scene();
         assert_eq!(map.transform_point3(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 3.0, -2.0));
         assert_eq!(map.matrix3.determinant(), 1.0);
     }
 
     #[test]
-    fn options_outrank_the_format() {
-        let map = ImportOptions { up: Some(UpAxis::Y), ..Default::default() }.file_to_world(UpAxis::Z);
-        assert_eq!(map, DAffine3::IDENTITY);
+    fn options_outrank_the_format_except_where_it_is_in_metres() {
+        let options = ImportOptions { up: Some(UpAxis::Y), unit: Some(0.01), ..Default::default() };
+        for (format, unit) in [
+            (Format::Gltf, Some(1.0)),
+            (Format::Step, None),
+            (Format::Iges, None),
+            (Format::Obj, Some(0.01)),
+            (Format::Rvm, Some(0.01)),
+            (Format::Stl, Some(0.01)),
+            (Format::Ply, Some(0.01)),
+        ] {
+            let frame = FileFrame { up: UpAxis::Y, metres_per_unit: unit };
+            assert_eq!(options.frame_of(format), frame, "{format:?}");
+        }
+    }
+
+    /// The point of a file is where its coordinates say.
+    #[test]
+    fn the_model_knows_the_coordinates_of_its_files_and_of_the_plant() {
+        let plant = PlantFrame { origin: [1e6, 2e6, 30.0], north_deg: 17.0 };
+        let corners = [DVec3::new(4000.0, 5000.0, 6000.0), DVec3::X * 100.0, DVec3::Y * 100.0];
+        let [a, b, c] = corners.map(|corner| corner.to_array().map(|x| x.to_string()).join(" "));
+        let obj = format!("v {a}\nv {b}\nv {c}\nf 1 2 3\n");
+        let stl = format!(
+            "solid a\nfacet\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\n\
+                           endfacet\nendsolid a\n"
+        );
+        let ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                           property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+                           end_header\n{a}\n{b}\n{c}\n3 0 1 2\n"
+        );
+        for (name, text) in [("a.obj", obj), ("a.stl", stl), ("a.ply", ply)] {
+            for (up, unit) in [(None, None), (Some(UpAxis::Y), Some(0.0254)), (Some(UpAxis::Z), Some(2.0))] {
+                let options = ImportOptions { up, unit, plant, ..Default::default() };
+                let model = import_bytes(Path::new(name), text.as_bytes(), &options).unwrap().model;
+                assert_eq!(model.coordinates.plant, plant);
+                let [file] = model.coordinates.files[..] else { panic!("{name}: {:?}", model.coordinates) };
+                let (object, mesh) = (&model.objects[0], &model.meshes[0]);
+                let expected = corners.map(|corner| file.to_scene().transform_point3(corner));
+                let place = |position: &Vec3| object.to_world.transform_point3(position.as_dvec3());
+                let places: Vec<DVec3> = mesh.positions.iter().map(place).collect();
+                for corner in expected {
+                    let nearest = places.iter().map(|place| place.distance(corner)).fold(f64::MAX, f64::min);
+                    assert!(nearest < 1e-3 * (1.0 + unit.unwrap_or(1.0)), "{name}: {corner} {places:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn senseless_coordinates_of_a_plant_are_refused() {
+        for plant in [
+            PlantFrame { origin: [0.0, f64::NAN, 0.0], north_deg: 0.0 },
+            PlantFrame { origin: [0.0; 3], north_deg: 400.0 },
+        ] {
+            let options = ImportOptions { plant, ..Default::default() };
+            let error = import_bytes(Path::new("a.obj"), b"v 0 0 0", &options).unwrap_err();
+            assert!(matches!(error, ImportError::Plant { .. }), "{error}");
+        }
     }
 
     #[test]

@@ -137,8 +137,14 @@ pub enum WarningKind {
     CountReplaced,
     /// Solids of an STL file that never end: ended where the file ends.
     SolidLeftOpen,
-    /// Surfaces of STEP and IGES parts of which the converter makes no triangles: left out.
+    /// Surfaces of STEP and IGES parts, and IFC elements, that the converter makes no triangles of: left out.
     SurfaceUnmeshed,
+    /// IFC entities of no known class, or with a reference that leads nowhere: left out, or what refers so.
+    EntityLeftOut,
+    /// IFC spaces: left out, since they are full of air and would hide their content.
+    SpaceLeftOut,
+    /// IFC sets of properties that cannot be read: left out.
+    PropertiesUnread,
     /// RVM groups with an unknown colour number: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
@@ -315,6 +321,9 @@ impl fmt::Display for WarningKind {
             }
             Self::SolidLeftOpen => "solids that never end, ended with their file",
             Self::SurfaceUnmeshed => "surfaces left out: no triangles can be made of them",
+            Self::EntityLeftOut => "entities of no known class, or references to none, left out",
+            Self::SpaceLeftOut => "spaces left out: they would hide what is in them",
+            Self::PropertiesUnread => "sets of properties that cannot be read left out",
             Self::UnknownColour => "groups without a known colour drawn grey",
             Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
             Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",

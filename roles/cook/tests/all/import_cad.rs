@@ -1,4 +1,5 @@
-//! STEP and IGES by a converter: the real one where it is built, and scripts that fail as it may.
+//! STEP and IGES by a converter: the real one where it is built, and scripts that fail as it may. IFC has the
+//! same way to its own.
 #![cfg(unix)]
 
 use std::fs;
@@ -8,8 +9,8 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 use trimaran_cook::import::{
-    CadError, Converter, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind,
-    find_converter, import,
+    CadError, Converters, Engine, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind,
+    import,
 };
 
 use crate::import_files::{floats, glb, names};
@@ -23,18 +24,19 @@ struct Bench {
 }
 
 impl Bench {
-    /// The script is called as `trimaran-occt` is, with its arguments in `$1` to `$7`.
+    /// The script is called as either converter is, with its arguments in `$1` to `$7`.
     fn new(script: &str) -> Self {
         let folder = TempDir::new().unwrap();
-        let program = folder.path().join("trimaran-occt");
+        let program = folder.path().join("converter");
         let text = folder.path().join("script");
         fs::write(&text, format!("#!/bin/sh\ncd '{}'\n{script}\n", folder.path().display())).unwrap();
         // Another process writes it: a file that this one has open, or a fork of it, cannot be run.
         let made = Command::new("install").args(["-m", "755"]).args([&text, &program]).status().unwrap();
         assert!(made.success());
         fs::write(folder.path().join("pump.step"), STEP).unwrap();
-        let converter = Converter { program: Some(program), ..Converter::default() };
-        Self { folder, options: ImportOptions { converter, ..ImportOptions::default() } }
+        let both = (Some(program.clone()), Some(program));
+        let converters = Converters { occt: both.0, ifc: both.1, ..Converters::default() };
+        Self { folder, options: ImportOptions { converters, ..ImportOptions::default() } }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -124,9 +126,14 @@ fn each_failure_of_the_converter_is_an_error_that_leaves_nothing_behind() {
     assert_eq!(said, "no entity");
     let limit = ImportLimits::default().memory(STEP.len() as u64);
     assert!(matches!(fails("exit 3"), CadError::Memory { limit: l } if l == limit));
-    let CadError::Crashed { status } = fails("kill -SEGV $$") else { panic!() };
+    let CadError::Crashed { status, .. } = fails("kill -SEGV $$") else { panic!() };
     assert!(status.contains("signal: 11"), "{status}");
     assert!(matches!(fails("exit 139"), CadError::Crashed { .. }));
+    for (then, reason) in [("echo no module >&2; exit 4", "no module"), ("exec /lost/python", "/lost/python")]
+    {
+        let error = fails(then).to_string();
+        assert!(error.contains("trimaran-occt cannot load its engine") && error.contains(reason), "{error}");
+    }
     // It says that it is done, and its result is no glTF file.
     assert!(matches!(fails("exit 0"), CadError::Gltf(_)));
     assert!(matches!(fails("rm $3/model.glb"), CadError::Folder(_)));
@@ -138,7 +145,7 @@ fn each_failure_of_the_converter_is_an_error_that_leaves_nothing_behind() {
 #[test]
 fn a_converter_that_is_silent_too_long_is_ended() {
     let mut bench = Bench::new("echo $3 >folder; echo $$ >pid; echo progress 1; exec sleep 3600");
-    bench.options.converter.timeout = Duration::from_millis(500);
+    bench.options.converters.timeout = Duration::from_millis(500);
     let error = bench.error();
     assert!(matches!(error, CadError::Hung { .. }), "{error}");
     assert!(
@@ -152,23 +159,63 @@ fn a_converter_that_is_silent_too_long_is_ended() {
 #[test]
 fn a_converter_that_is_not_there_is_an_error_that_says_how_to_get_it() {
     let mut bench = Bench::new("");
-    bench.options.converter.program = Some(bench.path("lost"));
+    bench.options.converters.occt = Some(bench.path("lost"));
     let said = bench.read().unwrap_err().to_string();
     assert!(said.contains("cannot start") && said.contains("lost") && said.contains("./x occt"), "{said}");
-    bench.options.converter.program = None;
+    bench.options.converters.occt = None;
     let said = bench.read().unwrap_err().to_string();
     assert!(said.contains("pump.step: STEP and IGES are read by") && said.contains("FreeCAD"), "{said}");
 }
 
 #[test]
-fn the_converter_is_found_beside_the_program_or_in_path() {
-    let bench = Bench::new("");
-    let (here, other) = (bench.path("trimaran"), TempDir::new().unwrap());
-    let folders = std::env::join_paths([other.path(), bench.folder.path()]).unwrap();
-    let found = Some(bench.path("trimaran-occt"));
-    assert_eq!(find_converter(Some(&here), None), found);
-    assert_eq!(find_converter(Some(&other.path().join("trimaran")), Some(&folders)), found);
-    assert_eq!(find_converter(Some(&other.path().join("trimaran")), None), None);
+fn a_converter_is_found_beside_the_program_or_in_path() {
+    let (folder, other) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let here = folder.path().join("trimaran");
+    let elsewhere = other.path().join("trimaran");
+    let folders = std::env::join_paths([other.path(), folder.path()]).unwrap();
+    for (engine, name) in [(Engine::OpenCascade, "trimaran-occt"), (Engine::IfcOpenShell, "trimaran-ifc")] {
+        assert_eq!(engine.find(Some(&here), Some(&folders)), None);
+        let program = folder.path().join(name);
+        fs::write(&program, "").unwrap();
+        assert_eq!(engine.find(Some(&here), None).as_ref(), Some(&program));
+        assert_eq!(engine.find(Some(&elsewhere), Some(&folders)), Some(program));
+        assert_eq!(engine.find(Some(&elsewhere), None), None);
+    }
+}
+
+#[test]
+fn ifc_has_a_converter_of_its_own_that_is_called_the_same_way() {
+    let mut bench = Bench::new(
+        "cat $2 >got; echo $1 $5 $7 >>got; cp made.glb $3/model.glb\n\
+         echo spaces 4 Room 1; echo unread 2 pump; echo unmeshed 1 wall",
+    );
+    bench.options.converters.occt = None;
+    fs::write(bench.path("made.glb"), triangle()).unwrap();
+    // Packed by ZIP, which the converter unpacks, or by gzip, which the import does.
+    let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packer, STEP).unwrap();
+    for (name, file, got) in [
+        ("hall.ifc", STEP, STEP),
+        ("hall.ifczip", b"PK\x03\x04..", b"PK\x03\x04.."),
+        ("hall.ifc.gz", &packer.finish().unwrap(), STEP),
+    ] {
+        fs::write(bench.path(name), file).unwrap();
+        let imported = import(&[bench.path(name)], &bench.options, &mut |_| {}).unwrap();
+        let counts = [
+            (WarningKind::SpaceLeftOut, 4),
+            (WarningKind::PropertiesUnread, 2),
+            (WarningKind::SurfaceUnmeshed, 1),
+        ];
+        assert_eq!(imported.report.counts(), counts, "{name}");
+        assert_eq!(fs::read(bench.path("got")).unwrap(), [got, b"ifc z hall\n"].concat(), "{name}");
+    }
+    bench.options.converters.ifc = None;
+    let said = import(&[bench.path("hall.ifc")], &bench.options, &mut |_| {}).unwrap_err().to_string();
+    assert!(said.contains("hall.ifc: IFC models are read by the program trimaran-ifc"), "{said}");
+    assert!(
+        said.contains("./x ifc") && said.contains("TRIMARAN_IFC") && said.contains("IfcConvert"),
+        "{said}"
+    );
 }
 
 /// The real converter, if it is named, and a file beside the tests.
@@ -178,9 +225,9 @@ fn real(name: &str, options: &ImportOptions) -> Option<Result<Imported, ImportEr
         println!("skipped: TRIMARAN_OCCT names no converter");
         return None;
     };
-    let converter = Converter { program: Some(program.into()), ..Converter::default() };
+    let converters = Converters { occt: Some(program.into()), ..Converters::default() };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cad").join(name);
-    Some(import(&[path], &ImportOptions { converter, ..options.clone() }, &mut |_| {}))
+    Some(import(&[path], &ImportOptions { converters, ..options.clone() }, &mut |_| {}))
 }
 
 /// An assembly of two racks, each with two pins and a plate: millimetres, z up.

@@ -17,6 +17,7 @@ mod import_cad;
 mod import_data;
 mod import_gltf;
 mod import_hostile;
+mod import_ifc;
 mod import_limits;
 mod import_obj;
 mod import_ply;

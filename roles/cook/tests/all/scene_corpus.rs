@@ -8,7 +8,9 @@ use std::path::Path;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookOptions, Mesh, Model, Object, Source, cook};
-use trimaran_scene::{OpenError, ReadCause, Rgba8, Scene};
+use trimaran_scene::{
+    Coordinates, FORMAT_VERSIONS, FileFrame, OpenError, PlantFrame, ReadCause, Rgba8, Scene, UpAxis,
+};
 
 use crate::models::sealed;
 
@@ -20,6 +22,8 @@ const NODES: usize = 0;
 const NAMES: usize = 4;
 const GEOMETRY: usize = 7;
 const OVERVIEW: usize = 8;
+/// Only in the newest format, where later pages have higher numbers.
+const COORDINATES: usize = 7;
 
 /// The result for a file.
 fn outcome(file: &[u8]) -> &'static str {
@@ -157,6 +161,7 @@ fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
     let one = scene("one-triangle");
     assert_eq!((one.nodes().len(), one.totals().stored_triangles), (1, 1));
     assert_eq!(scene("two-objects").objects().len(), 2);
+    assert_eq!(one.coordinates().unwrap(), Coordinates::default());
     assert_eq!(scene("see-through").see_through().iter().collect::<Vec<_>>(), [1]);
     let levels = scene("levels");
     assert!(levels.nodes().iter().any(|node| node.is_leaf() && node.drawable_count > 1));
@@ -173,6 +178,21 @@ fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
     }
 }
 
+#[test]
+fn coordinates_are_read_and_damaged_ones_are_refused() {
+    let sound = in_a_plant();
+    assert_eq!([outcome(&sound), outcome(&sealed(&sound))], ["sound"; 2]);
+    let scene = Scene::open_bytes(Path::new("a.scene"), &sound).unwrap();
+    assert_eq!(scene.coordinates().unwrap(), elsewhere());
+    assert_eq!(outcome(&damaged(in_a_plant(), COORDINATES)), "damaged");
+    assert_eq!(outcome(&with_page(&sound, COORDINATES, &[0xff; 43])), "damaged");
+    assert_eq!(outcome(&with_page(&sound, COORDINATES, &[])), "damaged");
+    // Called a file of the format without them, it has a page too many.
+    let mut older = sound;
+    older[8..12].copy_from_slice(&FORMAT_VERSIONS.start().to_le_bytes());
+    assert_ne!(outcome(&sealed(&older)), "sound");
+}
+
 /// The release of format 8 wrote this file. A release with a later format reads it as well, as its cullers
 /// may stand beside those of the release before.
 #[test]
@@ -183,6 +203,8 @@ fn a_scene_of_format_8_is_read() {
     let counts = (scene.nodes().len(), scene.drawables().len(), scene.objects().len());
     assert_eq!((counts, scene.totals().stored_triangles), ((29, 20, 20), 26));
     assert_eq!((scene.object_name(0), scene.source_name(0)), (Some("part 0"), Some("site.obj")));
+    // It says nothing of coordinates: they are those of glTF.
+    assert_eq!(scene.coordinates().unwrap(), Coordinates::default());
 }
 
 #[test]
@@ -221,6 +243,11 @@ fn in_a_grid(count: u32) -> Vec<DAffine3> {
 
 /// The file of a cooked scene: meshes in turn, each object at its place.
 fn cooked(meshes: Vec<Mesh>, places: &[DAffine3]) -> Vec<u8> {
+    cooked_in(Coordinates::default(), meshes, places)
+}
+
+/// The same with these coordinates of its plant and its file.
+fn cooked_in(coordinates: Coordinates, meshes: Vec<Mesh>, places: &[DAffine3]) -> Vec<u8> {
     let object = |(index, &to_world): (usize, &DAffine3)| Object {
         mesh: index as u32 % meshes.len() as u32,
         to_world,
@@ -231,8 +258,12 @@ fn cooked(meshes: Vec<Mesh>, places: &[DAffine3]) -> Vec<u8> {
     let objects = places.iter().enumerate().map(object).collect();
     let sources = vec![Source { name: "site.obj".to_owned() }];
     let file = tempfile::NamedTempFile::new().unwrap();
-    let scene =
-        cook(&Model { meshes, objects, sources, ..Model::default() }, &CookOptions::default(), &()).unwrap();
+    let scene = cook(
+        &Model { meshes, objects, sources, coordinates, ..Model::default() },
+        &CookOptions::default(),
+        &(),
+    )
+    .unwrap();
     scene.save(file.path()).unwrap();
     fs::read(file.path()).unwrap()
 }
@@ -241,6 +272,18 @@ fn one_triangle() -> Vec<u8> {
     let mut mesh = bumps(1);
     mesh.indices.truncate(3);
     cooked(vec![mesh], &[DAffine3::IDENTITY])
+}
+
+/// A file with z up and millimetres in a plant that is far away and turned.
+fn elsewhere() -> Coordinates {
+    Coordinates {
+        plant: PlantFrame { origin: [432_100.25, 6_789_012.5, 17.0], north_deg: -32.5 },
+        files: vec![FileFrame { up: UpAxis::Z, metres_per_unit: Some(0.001) }],
+    }
+}
+
+fn in_a_plant() -> Vec<u8> {
+    cooked_in(elsewhere(), vec![bumps(1)], &[DAffine3::IDENTITY])
 }
 
 fn levels() -> Vec<u8> {

@@ -1,6 +1,8 @@
 /** A table of names and values. */
 
-export type Row = readonly [name: string, value: string];
+import type { ComponentChildren } from "preact";
+
+export type Row = readonly [name: string, value: ComponentChildren];
 
 export function Rows({ rows }: { readonly rows: readonly Row[] }) {
   return (

@@ -3,7 +3,7 @@
 import { WireError } from "trimaran-transport";
 import type { Outline } from "../proto/identity.ts";
 import { numberList } from "../proto/numbers.ts";
-import { type Piece, PieceAssembler, unpackPiece } from "../proto/piece.ts";
+import { type Piece, PieceAssembler, SOFT_BYTES, unpackPiece, VERTEX_BYTES } from "../proto/piece.ts";
 import { type DrawableRecord, MOST_RECORDS, Records, unpackRecords } from "../proto/records.ts";
 import { decodeCullerBlock } from "../proto/supply.ts";
 
@@ -24,7 +24,7 @@ interface Held {
 export class Holdings {
   readonly outline: Outline;
   readonly #store: Store;
-  /** Bytes of unpacked geometry. One picture's geometry is kept even beyond the budget. */
+  /** Bytes of geometry on the device. One picture's geometry is kept even beyond the budget. */
   budget: number;
   readonly #records: Records;
   readonly #pieces = new Map<number, Held>();
@@ -33,7 +33,7 @@ export class Holdings {
   /** How many triangles a piece has, by the records of its drawables. */
   readonly #triangles = new Map<number, number>();
   #assembler = new PieceAssembler();
-  /** Bytes of unpacked geometry. */
+  /** Bytes of geometry on the device. */
   bytes = 0;
   #tick = 0;
 
@@ -181,7 +181,9 @@ export class Holdings {
 
   #setPiece(number: number, piece: Piece): void {
     this.#check(number, piece.triangles, this.#triangles.get(number));
-    const bytes = piece.vertices.byteLength + piece.indices.byteLength;
+    const { vertices, indices } = piece;
+    const softBytes = (SOFT_BYTES * vertices.byteLength) / VERTEX_BYTES;
+    const bytes = vertices.byteLength + softBytes + indices.byteLength;
     this.bytes += bytes - (this.#pieces.get(number)?.bytes ?? 0);
     this.#pieces.set(number, { bytes, triangles: piece.triangles, used: this.#tick });
     this.#store.setPiece(number, piece);

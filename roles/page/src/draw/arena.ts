@@ -3,7 +3,7 @@
 import { VERTEX_BYTES } from "../proto/piece.ts";
 import type { Provoking } from "./features.ts";
 import type { Mesh, Triangles } from "./model.ts";
-import { byteOffset, GeometryPage, type Spot } from "./page.ts";
+import { byteOffset, DEVICE_BYTES, GeometryPage, type Spot } from "./page.ts";
 import type { Bounds } from "./view.ts";
 
 /** The vertex capacity of the first page, and the least of a page for several pieces. */
@@ -11,6 +11,8 @@ const FIRST_VERTICES = 1 << 16;
 const MOST_VERTICES = 1 << 20;
 /** The index capacity of a page per vertex. */
 const INDICES_EACH = 6;
+/** The room of a page for copies of vertices, as a share of a piece that fills it. */
+const FOR_COPIES = 1 / 8;
 
 /** The place of a piece's triangles. */
 export interface Range {
@@ -25,19 +27,24 @@ export interface Range {
   readonly bounds: Bounds;
 }
 
-interface Held extends Range {
+/** A piece in the arena. */
+export interface Held extends Range {
   pageNumber: number;
   readonly spot: Spot;
+  /** How many pieces its normals were made with, itself among them; 0 if it has none yet. */
+  softWith: number;
 }
 
 export class GeometryArena {
   readonly #gl: WebGL2RenderingContext;
-  readonly #provoking: Provoking;
+  readonly provoking: Provoking;
   readonly pages: GeometryPage[] = [];
   readonly #pieces = new Map<number, Held>();
+  /** Changes whenever a piece comes or goes. */
+  changes = 0;
 
   constructor(gl: WebGL2RenderingContext, provoking: Provoking) {
-    [this.#gl, this.#provoking] = [gl, provoking];
+    [this.#gl, this.provoking] = [gl, provoking];
   }
 
   /** Bytes that pieces take. */
@@ -51,7 +58,7 @@ export class GeometryArena {
   }
 
   /** The place of a piece's triangles, if it is here. */
-  range(piece: number): Range | undefined {
+  range(piece: number): Held | undefined {
     return this.#pieces.get(piece);
   }
 
@@ -77,7 +84,9 @@ export class GeometryArena {
       spot = page.add(mesh);
     }
     if (spot !== undefined) {
+      this.changes += 1;
       this.#pieces.set(piece, {
+        softWith: 0,
         page,
         spot,
         pageNumber: this.pages.indexOf(page),
@@ -93,6 +102,7 @@ export class GeometryArena {
     if (held === undefined) {
       return;
     }
+    this.changes += 1;
     this.#pieces.delete(piece);
     held.page.remove(held.spot);
     if (held.page.used === 0 && this.pages.length > 1) {
@@ -116,12 +126,12 @@ export class GeometryArena {
 
   /** A new page, as large as all before together within bounds, and large enough for the mesh. */
   #grow({ vertices, indices }: Mesh): GeometryPage {
-    const wanted = Math.max(FIRST_VERTICES, this.capacity / (VERTEX_BYTES + 4 * INDICES_EACH));
+    const wanted = Math.max(FIRST_VERTICES, this.capacity / (DEVICE_BYTES + 4 * INDICES_EACH));
     const usual = Math.min(MOST_VERTICES, Math.ceil(wanted));
     const page = new GeometryPage(
       this.#gl,
-      this.#provoking,
-      Math.max(usual, vertices.length / VERTEX_BYTES),
+      this.provoking,
+      Math.max(usual, Math.ceil((1 + FOR_COPIES) * (vertices.length / VERTEX_BYTES))),
       Math.max(usual * INDICES_EACH, indices.length),
     );
     this.pages.push(page);

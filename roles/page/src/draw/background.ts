@@ -1,6 +1,7 @@
 /** Sky above the horizon, and ground below. */
 
 import { lerp, type Point } from "../space/point.ts";
+import type { Region } from "./region.ts";
 import type { View } from "./view.ts";
 
 /** Red, green and blue. */
@@ -16,7 +17,7 @@ const GROUND: readonly [Point, Point] = [
 const HAZE = 0.012;
 
 /**
- * Clears the picture to the background.
+ * Clears a region of the picture to the background.
  *
  * The eye does not roll, so the horizon is a row of pixels, and each row has one colour. Rows of one colour
  * are cleared at once. On a software renderer, that takes a tenth of the time of a surface behind everything.
@@ -24,12 +25,11 @@ const HAZE = 0.012;
 export function clearToBackground(
   gl: WebGL2RenderingContext,
   view: View,
-  width: number,
-  height: number,
+  { of, bottom, width, height }: Region,
 ): void {
   const [up, back] = [view.along(1, 0, 1, 0), view.along(2, 0, 1, 0)];
   const colourOf = (row: number) => {
-    const y = ((2 * row + 1) / height - 1) * view.tanY;
+    const y = ((2 * (row + bottom) + 1) / of.height - 1) * view.tanY;
     return eightBits(colourAt((up * y - back) / Math.hypot(y, 1)));
   };
   gl.enable(gl.SCISSOR_TEST);

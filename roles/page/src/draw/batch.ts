@@ -10,6 +10,8 @@ import type { Program } from "./program.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
 import { at, MATRIX, type View } from "./view.ts";
 
+/** Marks a highlighted drawable, beside its colour. */
+const HIGHLIGHTED = 1 << 25;
 /** The initial capacity for drawables. */
 const FIRST = 4096;
 const FLOATS = 4 * TEXELS;
@@ -30,7 +32,7 @@ export class Batch {
   readonly #texture: WebGLTexture;
   readonly #order = new DrawOrder();
   #capacity = 0;
-  /** For each draw: its matrix, number, highlight flag, solid flag, object, range of indices, and kind. */
+  /** For each draw: its matrix, number, colour, solid flag, object, range of indices, and kind. */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
@@ -92,7 +94,10 @@ export class Batch {
         this.#matrices[FLOATS * count + number] = at(view.matrix, number);
       }
       this.#numbers[FLOATS * count + MATRIX] = drawable.id;
-      this.#matrices[FLOATS * count + MATRIX + 1] = look.highlighted.has(drawable.object) ? 1 : 0;
+      // Of several objects in one the first counts.
+      const highlight = look.highlighted.has(drawable.object) ? HIGHLIGHTED : 0;
+      const colour = look.colours?.codeOf(drawable.object) ?? 0;
+      this.#numbers[FLOATS * count + MATRIX + 1] = highlight | colour;
       this.#matrices[FLOATS * count + MATRIX + 2] = isOfSolids(drawable.sides) ? 1 : 0;
       this.#numbers[FLOATS * count + MATRIX + 3] = drawable.object;
       this.#counts[count] = range.count;

@@ -9,14 +9,11 @@ import { cutPlanes } from "./cut.ts";
 import { type Features, featuresOf } from "./features.ts";
 import type { Camera, Drawable, Look } from "./model.ts";
 import { Program } from "./program.ts";
-import {
-  CUT_PICTURE_FRAGMENT,
-  itemFragment,
-  itemVertex,
-  PICTURE_FRAGMENT,
-  pictureVertex,
-} from "./shaders.ts";
-import { Still, shiftOf } from "./still.ts";
+import { fitting, type Region, whole } from "./region.ts";
+import { itemFragment, itemVertex, pictureFragment, pictureVertex } from "./shaders.ts";
+import type { Smoother } from "./smoother.ts";
+import { isSmootherDue, smootherClass } from "./smoothing.ts";
+import { STEPS, Still, shiftOf } from "./still.ts";
 import { CanvasTarget, type PictureTarget, Target } from "./target.ts";
 import { at, View } from "./view.ts";
 
@@ -24,6 +21,8 @@ import { at, View } from "./view.ts";
 const SEE_THROUGH = 0.25;
 /** The same of ghosts. */
 const GHOST = 0.08;
+/** Milliseconds between two looks at whether something is drawn. */
+const LOOK = 5;
 /** No drawable has this number. */
 export const NOTHING = 0xffff_ffff;
 const NO_ITEM = [NOTHING, 0, 0, 0];
@@ -49,9 +48,12 @@ export class Device {
   #aroundTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
   readonly #programs = new Map<string, Program>();
+  #smoother: Smoother | undefined;
   #still: Still | undefined;
-  /** The shift of the picture: 2 is its width or height. */
-  #shift: [number, number] = [0, 0];
+  /** The region that is drawn in place of the whole picture of the canvas. */
+  #region: Region | undefined;
+  /** The shift of the picture in pixels. */
+  #shift: readonly [number, number] = [0, 0];
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
@@ -66,47 +68,118 @@ export class Device {
 
   /** Draws onto the canvas. */
   draw(camera: Camera, drawables: readonly Drawable[], look: Look): void {
-    this.#drawPicture(camera, drawables, look);
+    this.#drawPicture(this.#pictureTarget, camera, drawables, look);
     this.#pictureTarget.show();
+  }
+
+  /**
+   * Makes normals for the round surfaces of drawables, for so many milliseconds. Returns whether all that can
+   * have theirs do.
+   */
+  smooth(drawables: readonly Drawable[], milliseconds = Number.POSITIVE_INFINITY): boolean {
+    const Made = smootherClass();
+    this.#smoother ??= Made && new Made(this.#gl, this.arena);
+    return this.#smoother?.smooth(drawables, milliseconds) ?? !isSmootherDue();
   }
 
   /** Draws a step of the picture of an eye at rest, and shows the mean of the steps so far. */
   refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: number): void {
+    this.#still ??= new Still(this.#gl);
+    this.#drawStep(this.#pictureTarget, this.#still, camera, drawables, look, step);
+    this.#still.show();
+  }
+
+  /**
+   * The pixels of a region of a picture, as fine as those of an eye at rest: red, green, blue and alpha, rows
+   * from below. The canvas stays as it is.
+   */
+  async drawRegion(
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    region: Region,
+  ): Promise<Uint8Array> {
     const gl = this.#gl;
-    const { width, height } = gl.canvas;
+    const target = new Target(gl, gl.RGBA8, this.samples);
+    const still = new Still(gl);
+    this.smooth(drawables);
+    this.#region = region;
+    try {
+      for (let step = 0; step < STEPS; step += 1) {
+        this.#drawStep(target, still, camera, drawables, look, step);
+      }
+    } finally {
+      this.#region = undefined;
+    }
+    try {
+      await drawn(gl);
+      return still.read();
+    } finally {
+      target.delete();
+      still.delete();
+    }
+  }
+
+  #drawStep(
+    target: PictureTarget,
+    still: Still,
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    step: number,
+  ): void {
+    const region = this.#drawn;
     const [right, up] = shiftOf(step);
-    this.#shift = [(2 * right) / width, (2 * up) / height];
-    this.#drawPicture(camera, drawables, look);
-    this.#still ??= new Still(gl);
-    this.#still.takePicture(width, height);
+    this.#shift = [right, up];
+    this.#drawPicture(target, camera, drawables, look, true);
+    still.takePicture(region.width, region.height);
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
-    this.#still.beginObjects("opaque");
+    still.beginObjects("opaque");
     this.#drawItems(camera, opaque, look, "object");
     const haveLines = seeThrough.length > 0 && look.areGhosts !== true;
     if (haveLines) {
       // See-through objects have lines of their own, and those of the opaque ones stay.
-      this.#still.beginObjects("all");
+      still.beginObjects("all");
       this.#drawItems(camera, drawables, look, "object");
     }
     const { tanX, tanY } = this.#view;
-    this.#still.add(step, [tanX, tanY], [right, up], haveLines);
+    still.add(step, region, [tanX, tanY], [right, up], haveLines);
     this.#shift = [0, 0];
   }
 
-  #drawPicture(camera: Camera, drawables: readonly Drawable[], look: Look): void {
-    const gl = this.#gl;
+  /** The region that is drawn. */
+  get #drawn(): Region {
+    return this.#region ?? whole(this.#gl.canvas);
+  }
+
+  /** `isSoft`: round surfaces look so. They all have their normals. */
+  #drawPicture(
+    target: PictureTarget,
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    isSoft = false,
+  ): void {
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
-    const { width, height } = gl.canvas;
-    this.#pictureTarget.begin(width, height);
-    this.#view.set(camera, width, height);
-    clearToBackground(gl, this.#view, width, height);
-    const picture = this.#program("picture", look);
+    const region = this.#drawn;
+    target.begin(region.width, region.height);
+    this.#setView(camera);
+    clearToBackground(this.#gl, this.#view, region);
+    const picture = this.#program(isSoft ? "soft picture" : "picture", look);
     picture.use();
     this.#setUp(picture);
     this.#prepare(picture, camera, look);
     this.batch.draw(this.#view, opaque, this.arena, picture, look);
     if (seeThrough.length > 0) {
       this.#drawSeeThrough(picture, seeThrough, look);
+    }
+  }
+
+  #setView(camera: Camera): void {
+    const { of } = this.#drawn;
+    this.#view.set(camera, of.width, of.height);
+    if (this.#region !== undefined) {
+      this.#view.narrow(this.#region);
     }
   }
 
@@ -157,7 +230,7 @@ export class Device {
   ): void {
     const gl = this.#gl;
     gl.clearBufferuiv(gl.COLOR, 0, NO_ITEM);
-    this.#view.set(camera, gl.canvas.width, gl.canvas.height);
+    this.#setView(camera);
     const program = this.#program(of, look);
     program.use();
     this.#prepare(program, camera, look);
@@ -180,20 +253,17 @@ export class Device {
   }
 
   /** A program of this kind, with clipping if there are sections. It is made on first use. */
-  #program(what: "picture" | "item" | "object", { sections }: Look): Program {
+  #program(what: "picture" | "soft picture" | "item" | "object", { sections }: Look): Program {
     const isCut = sections.length > 0;
     const key = `${what}${isCut ? " cut" : ""}`;
     let program = this.#programs.get(key);
     if (program === undefined) {
       const { depth, multiDraw } = this.features;
       const number = multiDraw === null ? "uniform" : "multi-draw";
+      const isSoft = what === "soft picture";
       program =
-        what === "picture"
-          ? new Program(
-              this.#gl,
-              pictureVertex(number, depth, isCut),
-              isCut ? CUT_PICTURE_FRAGMENT : PICTURE_FRAGMENT,
-            )
+        what === "picture" || isSoft
+          ? new Program(this.#gl, pictureVertex(number, depth, isCut, isSoft), pictureFragment(isCut, isSoft))
           : new Program(
               this.#gl,
               itemVertex(number, depth, isCut, what === "item" ? "drawable" : "object"),
@@ -217,9 +287,10 @@ export class Device {
     gl.depthFunc(isReversed ? gl.GREATER : gl.LESS);
     gl.clearDepth(isReversed ? 0 : 1);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.uniform2f(program.at("scale"), 1 / this.#view.tanX, 1 / this.#view.tanY);
+    const { scale, shift } = fitting(this.#drawn, this.#shift);
+    gl.uniform2f(program.at("scale"), scale[0] / this.#view.tanX, scale[1] / this.#view.tanY);
     gl.uniform1f(program.at("near"), this.#view.near);
-    gl.uniform2f(program.at("shift"), ...this.#shift);
+    gl.uniform2f(program.at("shift"), ...shift);
   }
 
   /** Sets the upward direction. */
@@ -242,4 +313,17 @@ function apart(
     opaque: drawables.filter((drawable) => !isThrough(drawable)),
     seeThrough: drawables.filter(isThrough),
   };
+}
+
+/** Waits until all that was asked of the device is drawn, or the context is lost. The page goes on. */
+async function drawn(gl: WebGL2RenderingContext): Promise<void> {
+  const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  if (fence === null) {
+    return;
+  }
+  gl.flush();
+  while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED && !gl.isContextLost()) {
+    await new Promise((resolve) => setTimeout(resolve, LOOK));
+  }
+  gl.deleteSync(fence);
 }

@@ -5,6 +5,7 @@ import { ObjectSet } from "../proto/objectSet.ts";
 import type { Piece } from "../proto/piece.ts";
 import type { DrawableRecord } from "../proto/records.ts";
 import type { Section } from "../proto/viewState.ts";
+import type { ObjectColours } from "./colours.ts";
 
 /** The triangles of a piece of geometry. */
 export type Mesh = Pick<Piece, "vertices" | "indices">;
@@ -29,6 +30,8 @@ export interface Look {
   readonly sections: readonly Section[];
   /** Drawn in another colour. */
   readonly highlighted: ObjectSet;
+  /** Colours in place of those of the model. */
+  readonly colours?: ObjectColours | undefined;
   /** Drawn see-through. */
   readonly seeThrough: ObjectSet;
   /** They are ghosts: fainter, since many lie one behind the other, and without lines. */

@@ -37,6 +37,10 @@ export class Program {
     }
     return place;
   }
+
+  delete(): void {
+    this.#gl.deleteProgram(this.#program);
+  }
 }
 
 function compiled(gl: WebGL2RenderingContext, kind: number, source: string): WebGLShader {

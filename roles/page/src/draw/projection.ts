@@ -1,6 +1,7 @@
 /** Projects points of the world to the canvas, and back. */
 
 import { lerp, minus, type Point, pointOf } from "../space/point.ts";
+import type { Size } from "../space/size.ts";
 import type { Camera } from "./model.ts";
 import { View } from "./view.ts";
 
@@ -32,6 +33,10 @@ export class Projection {
 
   get eye(): Point {
     return this.#camera.eye;
+  }
+
+  get size(): Size {
+    return { width: this.#width, height: this.#height };
   }
 
   /** The projection of a point; nothing if it is before the near plane. */
@@ -78,7 +83,12 @@ export class Projection {
 
   /** How many metres a pixel is at a depth. */
   metresEach(depth: number): number {
-    return (2 * this.#view.tanY * depth) / this.#height;
+    return this.heightAt(depth) / this.#height;
+  }
+
+  /** How many metres the picture is high at a depth. */
+  heightAt(depth: number): number {
+    return 2 * this.#view.tanY * depth;
   }
 
   #inCamera(point: Point): Point {

@@ -5,6 +5,8 @@ import { canDrawOnCanvas } from "./canvasDepth.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { type Camera, type Drawable, type Look, type Mesh, PLAIN, type Triangles } from "./model.ts";
+import type { Region } from "./region.ts";
+import { isSmootherDue, loadSmoother } from "./smoothing.ts";
 import { STEPS } from "./still.ts";
 
 export { NOTHING } from "./device.ts";
@@ -45,6 +47,8 @@ export interface Met {
   readonly depth: number;
 }
 
+/** How long normals of round surfaces are made between two pictures of the screen, milliseconds. */
+const SMOOTHING = 12;
 const NONE = { item: NOTHING, depth: 0 };
 
 export class Renderer {
@@ -137,16 +141,44 @@ export class Renderer {
     this.#device?.draw(camera, drawables, look);
     Object.assign(this.#stats, this.#device?.batch.drawn);
     this.#stats.milliseconds = performance.now() - begun;
+    void loadSmoother();
   }
 
-  /** Draws the last picture one step finer. Returns whether there are more steps. */
-  refine(): boolean {
+  /**
+   * Draws the last picture one step finer, once its round surfaces have normals. Returns whether there is
+   * more to do. If it `waits`, nothing is done until the code for normals is there; else surfaces are flat.
+   */
+  refine(waits = false): boolean {
     if (this.#device !== undefined && this.#last !== undefined && this.#steps < STEPS) {
       const { camera, drawables, look } = this.#last;
+      if (!this.#device.smooth(drawables, SMOOTHING) && (waits || !isSmootherDue())) {
+        return true;
+      }
       this.#device.refine(camera, drawables, look, this.#steps);
       this.#steps += 1;
     }
     return this.#steps < STEPS;
+  }
+
+  /** Makes normals for the round surfaces of drawables, for a moment. Returns whether all have theirs. */
+  smooth(drawables: readonly Drawable[]): boolean {
+    return this.#device?.smooth(drawables, SMOOTHING) ?? true;
+  }
+
+  /**
+   * The pixels of a region of a larger picture, as fine as those of an eye at rest: red, green, blue and
+   * alpha, rows from below. Nothing if the context is lost. The canvas stays as it is.
+   */
+  async drawRegion(
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    region: Region,
+  ): Promise<Uint8Array | undefined> {
+    const device = this.#device;
+    const pixels = await device?.drawRegion(camera, drawables, look, region);
+    // It may have been lost and given back meanwhile.
+    return this.#gl.isContextLost() || device !== this.#device ? undefined : pixels;
   }
 
   /** The object at a pixel of the last picture, counted from the upper left; nothing for background. */

@@ -2,12 +2,18 @@
 
 import { MOST_PLANES } from "./cut.ts";
 import type { Depth, DrawNumber } from "./features.ts";
-import { COLOUR, NORMAL, POSITION } from "./page.ts";
+import { COLOUR, NORMAL, POSITION, SOFT } from "./page.ts";
 
-/** Texels per drawable: three matrix rows, and one with number, highlight, solid flag and object. */
+/** Texels per drawable: three matrix rows, and one with number, colour, solid flag and object. */
 export const TEXELS = 4;
 /** Drawables per row of their texture. */
 export const PER_ROW = 256;
+
+/**
+ * The cosine of the smallest angle of a crease, 35 degrees. Pipes of twelve sides are round, and chamfers of
+ * 45 degrees stay sharp. A line is drawn along every crease, and along nothing that is round.
+ */
+export const BEND = 0.82;
 
 /** Shared by all vertex shaders, so that a triangle covers the same samples at the same depth in each. */
 function head(number: DrawNumber, depth: Depth): string {
@@ -71,29 +77,41 @@ vec3 unfolded(vec2 f) {
   return vec3(f.x + (f.x >= 0.0 ? -under : under), f.y + (f.y >= 0.0 ? -under : under), z);
 }`;
 
-/** The normal in camera space, a unit vector, by the rows of a matrix. */
+/** A folded normal in camera space, a unit vector, by the rows of a matrix. */
 const NORMAL_OF = `
 ${UNFOLDED}
 
-vec3 normalOf(vec3 x, vec3 y, vec3 z) {
-  vec3 n = unfolded(folded);
+vec3 normalOf(vec2 code, vec3 x, vec3 y, vec3 z) {
+  vec3 n = unfolded(code);
   // Cofactors keep a normal perpendicular to its plane under any scale.
   vec3 normal = vec3(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
   return normal * inversesqrt(max(dot(normal, normal), 1e-36));
 }`;
 
 /**
- * Shades with a sky, which is brighter than the ground, and a key light over the viewer's shoulder.
- *
- * A triangle has one normal, and the lights are directional. So flat surfaces look flat, however they were
- * triangulated.
+ * Light from a sky, which is brighter than the ground, and from over the viewer's shoulder: the factor of a
+ * colour, by the normal of the surface.
  */
-export function pictureVertex(number: DrawNumber, depth: Depth, isCut = false): string {
-  return `${head(number, depth)}
+const LIT = `
 uniform vec3 up;
-flat out vec3 tone;
-${isCut ? CUT_OUT : ""}
 const vec3 KEY = vec3(0.36, 0.48, 0.80);
+float lit(vec3 normal) {
+  float light = 0.17 + 0.27 * (0.5 + 0.5 * dot(normal, up)) + 0.56 * max(dot(normal, KEY), 0.0);
+  // sRGB is near a power law, so the product of encoded values is the encoded product.
+  return sqrt(light);
+}`;
+
+/**
+ * Shades each triangle by its one normal. The lights are directional, so flat surfaces look flat, however
+ * they were triangulated.
+ *
+ * If it is soft, round surfaces have their vertices' normals, and fragments compute the light.
+ */
+export function pictureVertex(number: DrawNumber, depth: Depth, isCut = false, isSoft = false): string {
+  return `${head(number, depth)}
+flat out vec3 tone;
+${isSoft ? SOFT_OUT : LIT}
+${isCut ? CUT_OUT : ""}
 const vec3 HIGHLIGHT = vec3(1.0, 0.55, 0.10);
 ${NORMAL_OF}
 
@@ -101,41 +119,68 @@ void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
-  vec3 normal = normalOf(x.xyz, y.xyz, z.xyz);
+  vec3 normal = normalOf(folded, x.xyz, y.xyz, z.xyz);
   bool isBack = dot(normal, view) * dot(cross(x.xyz, y.xyz), z.xyz) > 0.0;
   // Both sides of a triangle are lit alike, for any winding and even in a mirror.
   normal = dot(normal, view) > 0.0 ? -normal : normal;
-  float light = 0.17 + 0.27 * (0.5 + 0.5 * dot(normal, up)) + 0.56 * max(dot(normal, KEY), 0.0);
   // Plants come in pure red and green: a little grey makes them less garish.
   float grey = dot(colour.rgb, vec3(0.299, 0.587, 0.114));
   vec3 calm = mix(vec3(grey), colour.rgb, 0.82) * 0.93 + 0.03;
-  // sRGB is near a power law, so the product of encoded values is the encoded product.
-  tone = mix(calm, HIGHLIGHT, 0.7 * texel(3).y) * sqrt(light);
+  // See the batch: bits of a colour, whether it is one, and whether the drawable is highlighted.
+  uint bits = floatBitsToUint(texel(3).y);
+  vec3 paint = vec3((uvec3(bits) >> uvec3(16u, 8u, 0u)) & 255u) / 255.0;
+  calm = (bits & 0x1000000u) != 0u ? paint : calm;
+  float highlight = (bits & 0x2000000u) != 0u ? 0.7 : 0.0;
+  tone = mix(calm, HIGHLIGHT, highlight);
+  ${isSoft ? SOFTEN : "tone *= lit(normal);"}
   ${isCut ? "place = view; isInside = isBack && texel(3).z > 0.5 ? 1.0 : 0.0;" : ""}
   gl_Position = clip(view);
 }`;
 }
 
+/** Vertex outputs of soft pictures: the triangle's normal, and the vertex's, which counts if `isRound`. */
+const SOFT_OUT = `
+layout(location = ${SOFT}) in uint soft;
+flat out vec3 facing;
+flat out float isRound;
+centroid out vec3 bent;`;
+
+const SOFTEN = `facing = normal;
+  isRound = float(soft & 1u);
+  bent = normalOf(unpackSnorm2x16(soft), x.xyz, y.xyz, z.xyz);`;
+
+/** The colour of a fragment, in soft pictures by its own normal. */
+const SOFT_SHADE = `
+flat in vec3 facing;
+flat in float isRound;
+centroid in vec3 bent;
+${LIT}
+vec3 shade() {
+  vec3 normal = bent * inversesqrt(max(dot(bent, bent), 1e-36));
+  // On the side of its triangle that is seen.
+  normal = dot(normal, facing) < 0.0 ? -normal : normal;
+  return tone * lit(isRound > 0.5 ? normal : facing);
+}`;
+
 /**
  * The inside of a solid is visible where it is cut open: it is painted flat and hatched, like the face of the
  * cut.
  */
-export const CUT_PICTURE_FRAGMENT = `#version 300 es
-precision highp float;
+export function pictureFragment(isCut: boolean, isSoft: boolean): string {
+  return `#version 300 es
+precision ${isCut || isSoft ? "highp" : "mediump"} float;
 flat in vec3 tone;
 out vec4 pixel;
-${CUT}
+${isSoft ? SOFT_SHADE : "vec3 shade() { return tone; }"}
+${isCut ? `${CUT}${HATCHED}` : "void main() { pixel = vec4(shade(), 1.0); }"}`;
+}
+
+const HATCHED = `
 void main() {
   cut();
   float hatch = mod(gl_FragCoord.x + gl_FragCoord.y, 9.0) < 1.5 ? 0.62 : 0.84;
-  pixel = vec4(isInside > 0.5 ? vec3(0.95, 0.72, 0.45) * hatch : tone, 1.0);
+  pixel = vec4(isInside > 0.5 ? vec3(0.95, 0.72, 0.45) * hatch : shade(), 1.0);
 }`;
-
-export const PICTURE_FRAGMENT = `#version 300 es
-precision mediump float;
-flat in vec3 tone;
-out vec4 pixel;
-void main() { pixel = vec4(tone, 1.0); }`;
 
 /**
  * The number of the drawable at each pixel, and the bits of its distance along the view; or the number of the
@@ -158,7 +203,7 @@ void main() {
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
   item = floatBitsToUint(texel(3).${isObject ? "w" : "x"});
-  normal = ${isObject ? "normalOf(x.xyz, y.xyz, z.xyz)" : "vec3(0.0)"};
+  normal = ${isObject ? "normalOf(folded, x.xyz, y.xyz, z.xyz)" : "vec3(0.0)"};
   ${isCut ? "place = view; isInside = 0.0;" : ""}
   gl_Position = clip(view);
 }`;
@@ -179,6 +224,9 @@ void main() {
 }`;
 }
 
+/** How far ambient occlusion looks, in heights of the picture. */
+export const OCCLUSION_REACH = 0.08;
+
 /** A triangle over the whole picture. */
 export const WHOLE_VERTEX = `#version 300 es
 void main() {
@@ -187,7 +235,7 @@ void main() {
 
 /**
  * Lines over a picture: on the nearer side of a depth step, and on both sides of a crease between two
- * surfaces.
+ * surfaces. And ambient occlusion, after Alchemy (McGuire et al. 2011).
  *
  * Each pixel's surface is compared as a plane. So a plane has no lines at any viewing angle. Neither have
  * several objects in one plane, nor stand-ins with a little error.
@@ -207,11 +255,16 @@ uniform vec2 each;
 uniform vec2 offset;
 // How strong lines are.
 uniform float strength;
+// The lower left corner in the whole picture, and the height of that, pixels.
+uniform ivec2 corner;
+uniform float wholeHeight;
+// Turns the places around a pixel that ambient occlusion looks at, from 0 to 1.
+uniform float turn;
 out vec4 pixel;
 
 const uint NONE = 0xffffffffu;
 // The cosine of the smallest angle of a crease. The sides of stand-ins for round objects stay below it.
-const float BEND = 0.82;
+const float BEND = ${BEND};
 // The lowest depth step that counts, in widths of a pixel.
 const float STEP = 1.0;
 // Limits the slope of surfaces at grazing angles, by the change of distance from pixel to pixel.
@@ -285,11 +338,47 @@ float line(usampler2D of, ivec2 at) {
   return holes == 2 ? 0.0 : found;
 }
 
+// The places that each picture looks at for ambient occlusion.
+const int TAPS = 6;
+// How far from the pixel they are, in heights of the picture.
+const float REACH = ${OCCLUSION_REACH};
+// Below this sine over a surface nothing counts: a round wall made of flat sides is not dark.
+const float LOWEST = 0.12;
+
+// How much of the sky over a surface is hidden by what is near it, from 0 to 1.
+float occlusion(ivec2 at) {
+  Surface here = surface(objects, at);
+  if (here.object == NONE) {
+    return 0.0;
+  }
+  vec3 place = here.ray / here.near;
+  vec3 normal = dot(here.normal, here.ray) > 0.0 ? -here.normal : here.normal;
+  float most = REACH * wholeHeight;
+  // Surfaces this near to the pixel count.
+  float radius = 1.6 * most * each.y / here.near;
+  // Interleaved gradient noise (Jimenez 2014).
+  float noise = fract(52.9829189 * fract(dot(vec2(at + corner), vec2(0.06711056, 0.00583715))));
+  float sum = 0.0;
+  for (int tap = 0; tap < TAPS; tap += 1) {
+    float away = most * (float(tap) + fract(noise + turn)) / float(TAPS);
+    float angle = 6.2831853 * (noise + turn) + 2.3999632 * float(tap);
+    Surface there = surface(objects, at + ivec2(round(away * vec2(cos(angle), sin(angle)))));
+    if (there.object != NONE) {
+      vec3 to = there.ray / there.near - place;
+      float range = length(to);
+      float height = max(dot(to, normal) / max(range, 1e-20) - LOWEST, 0.0);
+      sum += height * max(1.0 - range * range / (radius * radius), 0.0);
+    }
+  }
+  return min(2.0 * sum / float(TAPS), 1.0);
+}
+
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   float found = line(objects, at);
   if (hasSeeThrough) {
     found = max(found, 0.7 * line(allObjects, at));
   }
-  pixel = vec4(texelFetch(colours, at, 0).rgb * (1.0 - min(strength * found, 1.0)), 1.0);
+  float light = (1.0 - min(strength * found, 1.0)) * (1.0 - 0.7 * occlusion(at));
+  pixel = vec4(texelFetch(colours, at, 0).rgb * light, 1.0);
 }`;

@@ -1,11 +1,13 @@
 /**
- * The picture of an eye at rest: smooth, and with lines at the edges of objects and at creases.
+ * The picture of an eye at rest: smooth, with lines at the edges of objects and at creases, and with dark
+ * corners.
  *
  * It is the mean of several pictures, each shifted by a part of a pixel. It is refined step by step, and can
  * be shown after any step. Lines are painted over the picture, which stays the same.
  */
 
 import { Program } from "./program.ts";
+import { offsetOf, type Region } from "./region.ts";
 import { STILL_FRAGMENT, WHOLE_VERTEX } from "./shaders.ts";
 
 /** The number of pictures in the mean. */
@@ -72,13 +74,14 @@ export class Still {
   }
 
   /**
-   * Adds the picture to the mean of the steps before, and shows that. Takes half of the picture's width and
+   * Adds the picture of a region to the mean of the steps before. Takes half of the whole picture's width and
    * height at distance one, and its shift in pixels.
    */
   add(
     step: number,
+    region: Region,
     [tanX, tanY]: readonly [number, number],
-    shift: readonly [number, number],
+    [right, up]: readonly [number, number],
     hasSeeThrough: boolean,
   ): void {
     const gl = this.#gl;
@@ -94,9 +97,14 @@ export class Still {
     gl.uniform1i(this.#program.at("objects"), 1);
     gl.uniform1i(this.#program.at("allObjects"), 2);
     gl.uniform1i(this.#program.at("hasSeeThrough"), hasSeeThrough ? 1 : 0);
-    gl.uniform2f(this.#program.at("each"), (2 * tanX) / width, (2 * tanY) / height);
-    gl.uniform2f(this.#program.at("offset"), ...shift);
+    const { of, left, bottom } = region;
+    const [across, above] = offsetOf(region);
+    gl.uniform2f(this.#program.at("each"), (2 * tanX) / of.width, (2 * tanY) / of.height);
+    gl.uniform2f(this.#program.at("offset"), right - across, up - above);
+    gl.uniform2i(this.#program.at("corner"), left, bottom);
+    gl.uniform1f(this.#program.at("wholeHeight"), of.height);
     gl.uniform1f(this.#program.at("strength"), strengthOf(step));
+    gl.uniform1f(this.#program.at("turn"), step / STEPS);
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendColor(0, 0, 0, 1 / (step + 1));
@@ -104,9 +112,40 @@ export class Still {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);
     gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Shows the mean on the canvas. */
+  show(): void {
+    const gl = this.#gl;
+    const [width, height] = [this.#width, this.#height];
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.#meanFrame);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** The mean: red, green, blue and alpha of each pixel, rows from below. */
+  read(): Uint8Array {
+    const gl = this.#gl;
+    const pixels = new Uint8Array(4 * this.#width * this.#height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#meanFrame);
+    gl.readPixels(0, 0, this.#width, this.#height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return pixels;
+  }
+
+  delete(): void {
+    const gl = this.#gl;
+    this.#program.delete();
+    for (const texture of [this.#colour, ...this.#objects]) {
+      gl.deleteTexture(texture);
+    }
+    for (const buffer of [this.#depth, this.#mean]) {
+      gl.deleteRenderbuffer(buffer);
+    }
+    for (const frame of [this.#colourFrame, ...this.#objectFrames, this.#meanFrame]) {
+      gl.deleteFramebuffer(frame);
+    }
   }
 
   #fit(width: number, height: number): void {

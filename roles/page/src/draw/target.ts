@@ -78,6 +78,12 @@ export class Target implements PictureTarget {
     gl.readPixels(0, 0, this.#width, this.#height, format, gl.UNSIGNED_INT, into);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
+
+  delete(): void {
+    this.#gl.deleteRenderbuffer(this.#colour);
+    this.#gl.deleteRenderbuffer(this.#depth);
+    this.#gl.deleteFramebuffer(this.#frame);
+  }
 }
 
 /** gl.DEPTH_ATTACHMENT. */

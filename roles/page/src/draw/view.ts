@@ -1,6 +1,7 @@
 /** A camera for drawing: transforms the world to camera space, and culls by the frustum. */
 
 import type { Camera, Drawable } from "./model.ts";
+import type { Region } from "./region.ts";
 
 /** An axis-aligned box: its centre, and half of its sides. Six numbers. */
 export type Bounds = Float64Array;
@@ -33,6 +34,8 @@ export class View {
   tanX = 1;
   tanY = 1;
   near = 1;
+  /** The sides of the drawn region at a distance of one: left, right, lower, upper. */
+  readonly #sides = new Float64Array(4);
 
   /** Looks through `camera` at a picture of this many pixels. */
   set({ eye, orientation, tanHalfFov, near }: Camera, width: number, height: number): void {
@@ -51,6 +54,18 @@ export class View {
     this.tanX = (tanHalfFov * width) / height;
     this.tanY = tanHalfFov;
     this.near = near;
+    [this.#sides[0], this.#sides[1]] = [-this.tanX, this.tanX];
+    [this.#sides[2], this.#sides[3]] = [-this.tanY, this.tanY];
+  }
+
+  /** Only a region of the picture is drawn from now on. */
+  narrow({ of, left, bottom, width, height }: Region): void {
+    const { tanX, tanY } = this;
+    const side = (pixels: number, all: number, tan: number) => ((2 * pixels) / all - 1) * tan;
+    this.#sides[0] = side(left, of.width, tanX);
+    this.#sides[1] = side(left + width, of.width, tanX);
+    this.#sides[2] = side(bottom, of.height, tanY);
+    this.#sides[3] = side(bottom + height, of.height, tanY);
   }
 
   /** One coordinate in camera space of a direction of the world: 0 is x, 1 is y, 2 is z. */
@@ -74,15 +89,15 @@ export class View {
     }
   }
 
-  /** Whether a box, at the last `place`, may be in the picture. */
+  /** Whether a box, at the last `place`, may be in the picture, or in its region. */
   sees(bounds: Bounds): boolean {
-    const { tanX, tanY } = this;
+    const sides = this.#sides;
     // The box is outside a side of the picture if its outermost corner is.
     return (
-      this.#reach(bounds, 1, 0, -tanX, 0) &&
-      this.#reach(bounds, -1, 0, -tanX, 0) &&
-      this.#reach(bounds, 0, 1, -tanY, 0) &&
-      this.#reach(bounds, 0, -1, -tanY, 0) &&
+      this.#reach(bounds, 1, 0, at(sides, 0), 0) &&
+      this.#reach(bounds, -1, 0, -at(sides, 1), 0) &&
+      this.#reach(bounds, 0, 1, at(sides, 2), 0) &&
+      this.#reach(bounds, 0, -1, -at(sides, 3), 0) &&
       this.#reach(bounds, 0, 0, -1, this.near)
     );
   }

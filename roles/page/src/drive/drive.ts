@@ -4,9 +4,13 @@ import type { Service } from "../service/service.ts";
 import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { Album, audit } from "./audit.ts";
+import { LongTasks } from "./longTasks.ts";
 import { Moments } from "./moments.ts";
 import { Path } from "./path.ts";
 import { each, until } from "./time.ts";
+
+/** Picks are timed at this many places in a row, and in as many rows. */
+const PICKS = 5;
 
 /**
  * Walks along the service's path from its first pose to its last, and reports. Then the page closes itself,
@@ -32,6 +36,7 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const [intervals, ages] = [new Samples(), new Samples()];
   const album = new Album();
   const moments = new Moments(viewer, path.seconds);
+  const longTasks = new LongTasks();
   const begun = performance.now();
   let [last, geometryBytes] = [begun, renderer.bytes];
   let jumpedAt = Number.NEGATIVE_INFINITY;
@@ -60,11 +65,13 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     return step !== undefined;
   });
   const end = performance.now();
+  const tasks = longTasks.end();
   await until(() => viewer.isSettled);
   const restMs = performance.now() - end;
   stop();
   const receivedBytes = received(viewer);
   moments.add((performance.now() - begun) / 1000);
+  const picks = await pickAll(viewer);
   viewer.said.value = "The walk is over. Its pictures are held against the exact ones.";
   const wrong = await audit(viewer, album.pictures);
   navigator.isHeld = false;
@@ -81,6 +88,9 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     setAgeMs: ages.share(0.5),
     setAgeP95Ms: ages.share(0.95),
     restMs,
+    longTasks: tasks,
+    pickMs: picks.share(0.5),
+    longestPickMs: picks.share(1),
     receivedBytes,
     geometryBytes,
     moments: moments.list,
@@ -88,6 +98,20 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   });
   viewer.said.value = "The walk is over.";
   window.close();
+}
+
+/** How long picks at places all over the picture take, milliseconds: one before each picture. */
+async function pickAll(viewer: Viewer): Promise<Samples> {
+  const { clientWidth, clientHeight } = viewer.canvas;
+  const picks = new Samples();
+  await each(() => {
+    const [column, row] = [picks.count % PICKS, Math.floor(picks.count / PICKS)];
+    const begun = performance.now();
+    viewer.pick(((column + 0.5) * clientWidth) / PICKS, ((row + 0.5) * clientHeight) / PICKS);
+    picks.add(performance.now() - begun);
+    return picks.count < PICKS * PICKS;
+  });
+  return picks;
 }
 
 function received(viewer: Viewer): number {

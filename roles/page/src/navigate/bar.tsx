@@ -18,12 +18,13 @@ const HELP: readonly Row[] = [
   ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
   ["right button, two fingers", "move across; where you walk: go"],
   ["Shift", "faster"],
-  ["wheel", "speed; in Orbit, nearer or farther"],
+  ["wheel", "nearer or farther; where you walk, and with Shift: speed"],
   ["Space", "jump; fly up"],
   ["E, Q", "fly up and down"],
   ["PageUp, PageDown", "look up and down"],
   ["1, 2, 3", "walk, fly, orbit"],
-  ["+, −", "field of view"],
+  ["+, −", "field of view; in parallel, nearer or farther"],
+  ["R", "parallel lines, for elevations at one scale; and back"],
   ["click", "pick an object; with Ctrl or Shift one more"],
   ["Alt+click, U", "pick the group around it, and again the next larger one"],
   ["K", "the level of clicks: primitive, part, equipment, system"],
@@ -32,8 +33,12 @@ const HELP: readonly Row[] = [
   ["L", "show it in the tree"],
   ["Shift+H", "show all, and cut nothing"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
-  ["/", "search"],
-  ["T, B, M, V, P", "the model as a tree, sections, distances, views, status"],
+  ["/", "search, and all of a kind"],
+  ["?", "these keys; again, and they close"],
+  ["T, B, M, Y, V, P", "the model as a tree, sections, distances, colours, views, status"],
+  ["J", "where you are, and go to coordinates"],
+  ["N", "notes"],
+  ["O", "clashes"],
   ["Home, Shift+F", "see the whole model, from a corner or from this side"],
   ["4 to 9, 0", "front, back, left, right, top, bottom; from a corner"],
   ["Alt+←, Alt+→", "back to the place before a jump, and forward"],
@@ -51,10 +56,14 @@ export function NavigationBar({
   readonly children: ComponentChildren;
 }) {
   const help = useRef<HTMLDialogElement>(null);
+  const isFlat = navigator.projection.value === "parallel";
   const showHelp = () => {
     // The dialog gets key events from now on, including their release.
     navigator.release();
-    help.current?.showModal();
+    const dialog = help.current;
+    dialog?.showModal();
+    // Its button has the focus, below the list.
+    dialog?.scrollTo(0, 0);
   };
   return (
     <fieldset class="panel bar navigation" aria-label="Moving">
@@ -67,7 +76,7 @@ export function NavigationBar({
           onClick={() => navigator.setMode(mode)}
         />
       ))}
-      <span>{Number(navigator.speed.value.toPrecision(2))} m/s</span>
+      <span>{isFlat ? "parallel" : `${Number(navigator.speed.value.toPrecision(2))} m/s`}</span>
       <label>
         View{" "}
         <input
@@ -75,13 +84,25 @@ export function NavigationBar({
           min={20}
           max={100}
           value={navigator.vfov.value}
+          disabled={isFlat}
           aria-label="Vertical field of view in degrees"
           onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
         />
       </label>
       {children}
-      <Button text="?" aria-label="Keys" onClick={showHelp} />
-      <dialog ref={help} aria-label="Keys">
+      <Button text="?" id="open-keys" aria-label="Keys" title="Keys (?)" onClick={showHelp} />
+      <dialog
+        ref={help}
+        class="keys"
+        aria-label="Keys"
+        onKeyDown={(event) => {
+          if (event.key === "?" && !event.repeat) {
+            // The page's own keys would open it again.
+            event.stopPropagation();
+            help.current?.close();
+          }
+        }}
+      >
         <Rows rows={HELP} />
         <form method="dialog">
           <button type="submit">Close</button>

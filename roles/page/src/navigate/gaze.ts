@@ -2,8 +2,11 @@
 
 import type { Point } from "../space/point.ts";
 
-/** The eye never looks straight up or down: there it has no heading. */
-const STEEPEST = Math.PI / 2 - 0.01;
+/**
+ * The eye never looks straight up or down: there it has no heading. A plan is so near to it that walls of ten
+ * metres lean by ten micrometres.
+ */
+const STEEPEST = Math.PI / 2 - 1e-6;
 
 export class Gaze {
   /** Radians: 0 looks along -z; increases to the left. */
@@ -17,10 +20,9 @@ export class Gaze {
 
   /** Looks along a direction of the world, of any length. */
   along(forward: Point): void {
-    const up = forward[1] / (Math.hypot(...forward) || 1);
     this.heading = Math.atan2(-forward[0], -forward[2]);
     this.pitch = 0;
-    this.turn(0, Math.asin(Math.max(-1, Math.min(1, up))));
+    this.turn(0, Math.atan2(forward[1], Math.hypot(forward[0], forward[2])));
   }
 
   /** Turns by this many radians to the left, and upwards. */
@@ -36,8 +38,7 @@ export class Gaze {
 
   /** The viewing direction, a unit vector of the world. */
   get forward(): Point {
-    const level = Math.cos(this.pitch);
-    return [-Math.sin(this.heading) * level, Math.sin(this.pitch), -Math.cos(this.heading) * level];
+    return directionOf(this.heading, this.pitch);
   }
 
   /** Converts forward and right steps to world x, z. */
@@ -52,6 +53,12 @@ export function orientationOf(heading: number, pitch: number): [number, number, 
   const [sy, cy] = [Math.sin(heading / 2), Math.cos(heading / 2)];
   const [sx, cx] = [Math.sin(pitch / 2), Math.cos(pitch / 2)];
   return [cy * sx, sy * cx, -sy * sx, cy * cx];
+}
+
+/** The viewing direction for a heading and pitch, a unit vector of the world. */
+export function directionOf(heading: number, pitch: number): Point {
+  const level = Math.cos(pitch);
+  return [-Math.sin(heading) * level, Math.sin(pitch), -Math.cos(heading) * level];
 }
 
 /** The viewing direction of a camera-to-world rotation. */

@@ -6,12 +6,20 @@ export interface Drag {
   readonly down: number;
   /** Pans instead of orbiting: the right or middle button, Shift, or two fingers. */
   readonly isPan: boolean;
-  /** The ratio of two fingers' distance to the one before. */
+  /** A pinch of two fingers. */
+  readonly pinch: Pinch | undefined;
+}
+
+export interface Pinch {
+  /** The middle of both fingers, in CSS pixels of the canvas. */
+  readonly x: number;
+  readonly y: number;
+  /** The ratio of their distance to the one before. */
   readonly spread: number;
 }
 
-/** Where a drag began, in CSS pixels of the canvas. */
-export type Start = (x: number, y: number) => void;
+/** Where one finger or the mouse begins a drag, or the middle of two: CSS pixels of the canvas. */
+export type Start = (x: number, y: number, fingers: 1 | 2) => void;
 
 /** Calls `onStart` and `onDrag` for drags on the canvas. */
 export function listenToPointers(
@@ -21,16 +29,24 @@ export function listenToPointers(
 ): void {
   /** Pressed pointers, with their last positions. */
   const down = new Map<number, { x: number; y: number }>();
-  const spreadOf = () => {
+  const fingers = () => {
     const [a, b] = [...down.values()];
-    return a === undefined || b === undefined ? 0 : Math.hypot(a.x - b.x, a.y - b.y);
+    return a && b && { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, apart: Math.hypot(a.x - b.x, a.y - b.y) };
+  };
+  const pinchOf = (before: number, { x, y, apart }: { x: number; y: number; apart: number }): Pinch => {
+    const { left, top } = canvas.getBoundingClientRect();
+    return { x: x - left, y: y - top, spread: apart / before };
   };
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    const both = fingers();
     if (down.size === 1) {
-      onStart(event.offsetX, event.offsetY);
+      onStart(event.offsetX, event.offsetY, 1);
+    } else if (down.size === 2 && both !== undefined) {
+      const { x, y } = pinchOf(both.apart, both);
+      onStart(x, y, 2);
     }
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -38,14 +54,15 @@ export function listenToPointers(
     if (last === undefined) {
       return;
     }
-    const before = spreadOf();
+    const before = fingers();
     const [right, over] = [event.clientX - last.x, event.clientY - last.y];
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
     const isPan = down.size > 1 || event.shiftKey || (event.buttons & 6) !== 0;
     // Each of two fingers moves the picture by its half.
     const share = 1 / down.size;
-    const spread = before > 0 ? spreadOf() / before : 1;
-    onDrag({ right: right * share, down: over * share, isPan, spread });
+    const now = fingers();
+    const pinch = before && now && before.apart > 0 ? pinchOf(before.apart, now) : undefined;
+    onDrag({ right: right * share, down: over * share, isPan, pinch });
   });
   for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
     canvas.addEventListener(end, (event) => down.delete(event.pointerId));

@@ -1,5 +1,7 @@
 /** A person's actions on objects, as changes of a view. */
 
+import { counted } from "../controls/counted.ts";
+import { MOST_PAINTS, type Paint } from "../draw/colours.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import { hasGhosts, type UserView } from "../viewer/viewHistory.ts";
 
@@ -33,7 +35,14 @@ export function ghostRest(solid: ObjectSet, objectCount: number, modelSeeThrough
   return { seeThrough: ObjectSet.run(0, objectCount).minus(solid.minus(modelSeeThrough)) };
 }
 
-/** Draws all objects as in the model, without sections. */
+/** Colours objects, over all colours before. Of too many colours the first one is dropped. */
+export function paint({ colouring }: UserView, added: Paint): Change {
+  // A colour that lies wholly below another one shows nowhere.
+  const left = colouring.paints.filter(({ objects }) => !added.objects.covers(objects));
+  return { colouring: { ...colouring, paints: [...left, added].slice(-MOST_PAINTS) } };
+}
+
+/** Draws all objects as in the model, without sections. Colours stay. */
 export function showAll(modelSeeThrough = ObjectSet.EMPTY): Change {
   return { hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
 }
@@ -47,15 +56,16 @@ export function visibility(view: UserView, objects: ObjectSet): "all" | "some" |
 
 /** Describes the changes of a model's view in a few words; empty without changes. */
 export function told(view: UserView, objectCount: number, model = ObjectSet.EMPTY): string {
-  const { sections, hidden, isolated, seeThrough } = view;
+  const { sections, hidden, isolated, seeThrough, colouring } = view;
   const solid = objectCount - seeThrough.size;
   const parts = [
-    sections.length > 0 && `cut by ${sections.length} ${sections.length === 1 ? "section" : "sections"}`,
+    sections.length > 0 && `cut by ${counted(sections.length, "section")}`,
     isolated && `only ${isolated.size} shown`,
     !hidden.isEmpty && `${hidden.size} hidden`,
     hasGhosts(view, objectCount, model)
       ? `ghosts: all but ${solid.toLocaleString("en")}`
       : !seeThrough.isEmpty && `${seeThrough.size} see-through`,
+    colouring.paints.length > 0 && (colouring.by === "" ? "coloured" : `coloured by ${colouring.by}`),
   ];
   return parts.filter(Boolean).join(", ");
 }

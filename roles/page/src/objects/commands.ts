@@ -39,8 +39,8 @@ export function commandsOf(
     {
       label: "Go there",
       key: "F",
-      run: () => goToAll(viewer, selection.parts.peek()),
-      isPossible: hasSelection,
+      run: () => goToAll(viewer, selection),
+      isPossible: () => selection.bounds.value !== undefined,
     },
     {
       label: "Parent",
@@ -119,9 +119,10 @@ export function goTo(viewer: Viewer, part: PartDetails | undefined): void {
 }
 
 /** Moves to a view of all of these. */
-function goToAll(viewer: Viewer, parts: readonly PartDetails[]): void {
-  const box = around(parts.map(({ core }) => core));
-  if (box !== undefined && parts.length > 1) {
+function goToAll(viewer: Viewer, selection: Selection): void {
+  const parts = selection.parts.peek();
+  const box = parts.length === 0 ? selection.bounds.peek() : around(parts.map(({ core }) => core));
+  if (box !== undefined && parts.length !== 1) {
     viewer.navigator.frame(box);
   } else {
     goTo(viewer, parts[0]);

@@ -1,9 +1,13 @@
 /** The details of the picked part. */
 
 import { Button } from "../controls/button.tsx";
+import { CopyButton } from "../controls/copyButton.tsx";
+import { Quantities } from "../controls/quantities.tsx";
 import { type Row, Rows } from "../controls/rows.tsx";
-import type { Part, PartDetails } from "../service/service.ts";
+import { nameOf, type PartDetails } from "../service/service.ts";
 import { sizeOf } from "../space/box.ts";
+import { errorText, placeText, rangeTexts } from "../tools/coordinates.ts";
+import { areCoordinatesShown, CoordinatesButton } from "../tools/coordinatesButton.tsx";
 import { lengthText, unit } from "../tools/lengths.ts";
 import type { Selection } from "./selection.ts";
 
@@ -16,7 +20,10 @@ export function DetailsPanel({ selection }: { readonly selection: Selection }) {
     <section class="panel details" aria-label="Details">
       <header>
         <h2>{details.name || "without a name"}</h2>
-        <Button text="×" aria-label="Close" onClick={() => selection.clear()} />
+        <div class="buttons">
+          <CoordinatesButton />
+          <Button text="×" aria-label="Close" onClick={() => selection.clear()} />
+        </div>
       </header>
       {selection.count.value > 1 && <p>The last of {selection.count.value} that are picked.</p>}
       <nav aria-label="Path">
@@ -24,25 +31,52 @@ export function DetailsPanel({ selection }: { readonly selection: Selection }) {
           <Button text={nameOf(part)} class="link" key={part.id} onClick={() => void selection.pick(part)} />
         ))}
       </nav>
+      {areCoordinatesShown.value && <PickedPlace selection={selection} details={details} />}
       <Rows rows={rowsOf(details)} />
+      {details.attributeCount === 0 && <p>No attributes in the model.</p>}
     </section>
   );
 }
 
-export function nameOf({ name, kind, id }: Pick<Part, "name" | "kind" | "id">): string {
-  return name || `${kind} ${id}`;
+/** The box around a part and the clicked point, in the plant's coordinates. */
+function PickedPlace({
+  selection,
+  details,
+}: {
+  readonly selection: Selection;
+  readonly details: PartDetails;
+}) {
+  const { plant, point } = selection;
+  const ranges = rangeTexts(plant, details, unit.value);
+  const clicked = point.value && placeText(plant, point.value.point, unit.value);
+  return (
+    <div class="places">
+      <ul aria-label="Box">
+        {ranges.map((range) => (
+          <li key={range}>
+            <Quantities text={range} />
+          </li>
+        ))}
+      </ul>
+      <CopyButton text={ranges.join(", ")} label="Copy box" />
+      {point.value && clicked && (
+        <p>
+          <span>
+            {point.value.to}: <Quantities text={clicked + errorText(point.value, unit.value)} />
+          </span>{" "}
+          <CopyButton text={clicked} label="Copy clicked point" />
+        </p>
+      )}
+    </div>
+  );
 }
 
 function rowsOf(details: PartDetails): readonly Row[] {
   const objects = details.end - details.first;
   const left = details.attributeCount - details.attributes.length;
+  const sides = sizeOf(details).map((side) => lengthText(side, unit.value));
   return [
-    [
-      "size",
-      sizeOf(details)
-        .map((side) => lengthText(side, unit.value))
-        .join(" × "),
-    ],
+    ["size", <Quantities text={sides.join(" × ")} key="size" />],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
     ...details.attributes,

@@ -16,10 +16,16 @@ export function levelsOf({ groupLevels }: Pick<SceneDescription, "groupLevels">)
 
 /** The part at a level of an object's hierarchy: the lowest named group is the part, the next the equipment. */
 export function atLevel(object: PartDetails, level: Level): Part {
+  const names = object.path.map(({ name }) => name);
+  return object.path[placeAt(names, level)] ?? object;
+}
+
+/** The place in a path of the group at a level; -1 if it is the object itself. */
+export function placeAt(path: readonly string[], level: Level): number {
   // The outermost group is the file: a click never picks that.
-  const groups = object.path.slice(1).filter(({ name }) => name !== "");
+  const named = [...path.keys()].filter((place) => place > 0 && path[place] !== "");
   const steps = LEVELS.indexOf(level);
-  return steps === 0 ? object : (groups.at(-steps) ?? groups[0] ?? object);
+  return steps === 0 ? -1 : (named.at(-steps) ?? named[0] ?? -1);
 }
 
 /** The next larger group around a part that has a name; nothing if there is none. */

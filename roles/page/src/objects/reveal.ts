@@ -73,7 +73,7 @@ async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
 }
 
 /** Waits until the picture is exact. Returns whether it is, with the eye unmoved. */
-async function becomesExact(viewer: Viewer): Promise<boolean> {
+export async function becomesExact(viewer: Viewer): Promise<boolean> {
   const { eye, forward } = viewer.navigator;
   const pose = [...eye, ...forward].join();
   // A change is only requested with the next picture.

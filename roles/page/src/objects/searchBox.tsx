@@ -1,38 +1,42 @@
-/** A field that finds parts by their names and attributes. */
+/** A field for queries, and the list of all that they find. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
+import { counted } from "../controls/counted.ts";
+import { lazy } from "../controls/lazy.tsx";
 import { isForControl } from "../navigate/typing.ts";
-import { messageOf } from "../service/errors.ts";
-import type { Parts } from "../service/service.ts";
+import { nameOf, type QueryFault } from "../service/service.ts";
+import type { KeptViewpoints } from "../tools/kept.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { goTo } from "./commands.ts";
-import { nameOf } from "./detailsPanel.tsx";
+import type { Finding, Found } from "./finding.ts";
+import { heightOf, rowsAt, scrolledTo } from "./rowWindow.ts";
 import type { Selection } from "./selection.ts";
+
+const FoundActions = lazy(async () => (await import("./foundActions.tsx")).FoundActions);
 
 /** Milliseconds without a key before the search. */
 const PAUSE = 150;
-
-/** The results shown so far. */
-interface Found extends Parts {
-  readonly text: string;
-}
-
-const NONE: Parts = { parts: [], total: 0 };
+/** Rows that the keys of pages move by. */
+const PAGE = 10;
+/** Heights of a row, for a mouse and for a finger, CSS pixels: as in the style sheet. */
+const [ROW, TOUCHED_ROW] = [26, 44];
+/** A name and an attribute, as one may search for them. */
+const EXAMPLES = "20-CE50 or type=VALV";
 
 interface Properties {
   readonly viewer: Viewer;
   readonly selection: Selection;
+  readonly finding: Finding;
+  readonly kept: KeptViewpoints;
 }
 
-export function SearchBox({ viewer, selection }: Properties) {
-  const found = useSignal<Found | undefined>(undefined);
-  const isOpen = useSignal(false);
+export function SearchBox({ viewer, selection, finding, kept }: Properties) {
   const at = useSignal(0);
+  const isFocused = useSignal(false);
   const field = useRef<HTMLInputElement>(null);
-  const list = useRef<HTMLDivElement>(null);
-  const asked = useRef<AbortController | undefined>(undefined);
+  finding.focus = () => field.current?.focus();
 
   useEffect(() => {
     const focus = (event: KeyboardEvent) => {
@@ -40,91 +44,71 @@ export function SearchBox({ viewer, selection }: Properties) {
         event.preventDefault();
         field.current?.focus();
         field.current?.select();
+        finding.open();
       }
     };
     addEventListener("keydown", focus);
     return () => removeEventListener("keydown", focus);
   }, []);
-  // Before the browser paints, so that the selected row is always visible.
+  // With the list, before the next key.
   useLayoutEffect(() => {
-    list.current?.querySelector("[aria-selected=true]")?.scrollIntoView({ block: "nearest" });
-  }, [at.value, isOpen.value]);
+    at.value = 0;
+  }, [finding.found.value]);
 
-  /** Searches for a text, from a row on; an earlier search is cancelled. */
-  const ask = async (text: string, from: number, pause: number) => {
-    asked.current?.abort();
-    const asking = new AbortController();
-    asked.current = asking;
-    await new Promise((resolve) => setTimeout(resolve, pause));
-    try {
-      const isEmpty = text.trim() === "";
-      const answer =
-        isEmpty || asking.signal.aborted ? NONE : await viewer.service.search(text, from, asking.signal);
-      if (asking.signal.aborted) {
-        return;
-      }
-      const before = from === 0 ? [] : (found.peek()?.parts ?? []);
-      found.value = isEmpty ? undefined : { ...answer, text, parts: [...before, ...answer.parts] };
-      isOpen.value = !isEmpty;
-      if (from === 0) {
-        at.value = 0;
-      }
-    } catch (error) {
-      if (!asking.signal.aborted) {
-        viewer.said.value = messageOf(error);
-      }
-    }
-  };
-  const more = () => ask(found.peek()?.text ?? "", found.peek()?.parts.length ?? 0, 0);
-  const close = () => {
-    asked.current?.abort();
-    isOpen.value = false;
+  const leave = () => {
+    finding.close();
+    viewer.canvas.focus();
   };
   const choose = async (index: number) => {
-    const part = found.peek()?.parts[index];
+    const part = await finding.arrived(index);
     if (part !== undefined) {
       // It stays selected for when the person returns.
       at.value = index;
-      close();
-      viewer.canvas.focus();
+      leave();
       goTo(viewer, await selection.pick(part));
     }
   };
-  const step = async (by: number) => {
-    const { parts = [], total = 0 } = found.peek() ?? {};
-    const next = Math.max(0, at.peek() + by);
-    if (!isOpen.peek()) {
-      isOpen.value = found.peek() !== undefined;
-      return;
+  const step = (by: number) => {
+    const { total = 0 } = finding.found.peek() ?? {};
+    if (finding.isOpen.peek()) {
+      at.value = Math.max(0, Math.min(total - 1, at.peek() + by));
+    } else {
+      finding.open();
     }
-    if (next >= parts.length && parts.length < total) {
-      await more();
-    }
-    at.value = Math.min(Math.max(0, (found.peek()?.parts.length ?? 0) - 1), next);
   };
   const press = async (event: KeyboardEvent & { readonly currentTarget: HTMLInputElement }) => {
-    const text = event.currentTarget.value;
-    if (event.key === "ArrowDown" || event.key === "ArrowUp") {
+    const by = { ArrowDown: 1, ArrowUp: -1, PageDown: PAGE, PageUp: -PAGE }[event.key];
+    if (by !== undefined) {
       event.preventDefault();
-      await step(event.key === "ArrowDown" ? 1 : -1);
+      step(by);
     } else if (event.key === "Enter") {
-      if (found.peek()?.text !== text) {
-        await ask(text, 0, 0);
+      const text = event.currentTarget.value;
+      if (finding.found.peek()?.text !== text) {
+        await finding.ask(text);
+        at.value = 0;
       }
-      await choose(at.peek());
-    } else if (event.key === "Escape") {
-      close();
-      viewer.canvas.focus();
+      // Without an answer, or after another key, nothing is chosen.
+      if (finding.found.peek()?.text === text) {
+        await choose(at.peek());
+      }
     }
   };
 
-  const shown = isOpen.value ? found.value : undefined;
+  const shown = finding.isOpen.value ? finding.found.value : undefined;
+  const trouble = finding.isOpen.value ? finding.trouble.value : "";
+  const hasRows = shown !== undefined && shown.total > 0;
   return (
     <search
       class="panel search"
+      onKeyDown={(event) => {
+        if (event.key === "Escape") {
+          event.stopPropagation();
+          leave();
+        }
+      }}
       onFocusOut={({ currentTarget, relatedTarget }) => {
         if (!(relatedTarget instanceof Node && currentTarget.contains(relatedTarget))) {
-          close();
+          finding.close();
         }
       }}
     >
@@ -132,41 +116,121 @@ export function SearchBox({ viewer, selection }: Properties) {
         ref={field}
         type="text"
         role="combobox"
-        placeholder="Search (/)"
+        placeholder={isFocused.value ? EXAMPLES : "Search (/)"}
         aria-label="Search names and attributes"
         aria-controls="found"
-        aria-expanded={shown !== undefined}
-        aria-activedescendant={shown && `found-${at.value}`}
-        onInput={(event) => void ask(event.currentTarget.value, 0, PAUSE)}
+        aria-expanded={hasRows}
+        aria-activedescendant={hasRows ? `found-${at.value}` : undefined}
+        aria-invalid={shown?.fault !== undefined}
+        aria-describedby="found-summary"
+        autocomplete="off"
+        spellcheck={false}
+        value={finding.text.value}
+        onInput={(event) => void finding.ask(event.currentTarget.value, PAUSE)}
         onFocus={() => {
-          isOpen.value = found.peek() !== undefined;
+          isFocused.value = true;
         }}
+        onBlur={() => {
+          isFocused.value = false;
+        }}
+        // With Tab one passes the field, and the list stays closed.
+        onClick={() => finding.open()}
         onKeyDown={(event) => void press(event)}
       />
+      {hasRows && <FoundList finding={finding} found={shown} at={at.value} choose={choose} />}
       {shown && (
-        <div id="found" ref={list}>
-          <div role="listbox" aria-label="Found" onMouseDown={keepFocus}>
-            {shown.parts.map((part, index) => (
-              <Button
-                text={nameOf(part)}
-                role="option"
-                id={`found-${index}`}
-                tabIndex={-1}
-                aria-selected={index === at.value}
-                key={`${part.kind}${part.id}`}
-                onClick={() => void choose(index)}
-              />
-            ))}
-          </div>
-          <p>
-            {summary(shown)}{" "}
-            {shown.parts.length < shown.total && (
-              <Button text="Show more" class="link" onMouseDown={keepFocus} onClick={() => void more()} />
-            )}
-          </p>
-        </div>
+        <p id="found-summary" role="status">
+          {shown.fault ? <Fault query={shown.text} fault={shown.fault} /> : summaryOf(shown)}
+        </p>
       )}
+      {trouble !== "" && (
+        <p id="found-summary" role="status">
+          {trouble}
+        </p>
+      )}
+      {hasRows && <FoundActions viewer={viewer} selection={selection} finding={finding} kept={kept} />}
     </search>
+  );
+}
+
+/** The list of all found parts. Only the rows that show are elements. */
+function FoundList({
+  finding,
+  found,
+  at,
+  choose,
+}: {
+  readonly finding: Finding;
+  readonly found: Found;
+  readonly at: number;
+  readonly choose: (index: number) => Promise<void>;
+}) {
+  const place = useRef<HTMLDivElement>(null);
+  const scrolled = useSignal(0);
+  const view = useSignal(0);
+  const row = matchMedia("(pointer: coarse)").matches ? TOUCHED_ROW : ROW;
+  const list = { total: found.total, row, view: view.value };
+  // Before the browser paints, so that the selected row is always visible.
+  useLayoutEffect(() => {
+    if (place.current !== null) {
+      view.value = place.current.clientHeight;
+      place.current.scrollTop = scrolledTo({ ...list, view: view.value }, at, place.current.scrollTop);
+      scrolled.value = place.current.scrollTop;
+    }
+  }, [at, found]);
+  const { first, end, top } = rowsAt(list, scrolled.value);
+  return (
+    <div
+      id="found"
+      ref={place}
+      onScroll={({ currentTarget }) => {
+        [view.value, scrolled.value] = [currentTarget.clientHeight, currentTarget.scrollTop];
+      }}
+    >
+      <div
+        class="found-rows"
+        role="listbox"
+        aria-label="Found"
+        style={{ height: `${heightOf(list)}px` }}
+        onMouseDown={keepFocus}
+      >
+        {Array.from({ length: end - first }, (_, place) => {
+          const index = first + place;
+          const part = finding.part(index);
+          return (
+            <Button
+              text={part === undefined ? "…" : nameOf(part)}
+              title={part && nameOf(part)}
+              role="option"
+              id={`found-${index}`}
+              key={index}
+              tabIndex={-1}
+              style={{ top: `${top + place * row}px` }}
+              aria-selected={index === at}
+              aria-posinset={index + 1}
+              aria-setsize={found.total}
+              onClick={() => void choose(index)}
+            />
+          );
+        })}
+      </div>
+    </div>
+  );
+}
+
+/** The query with its wrong place marked, and what is wrong. */
+function Fault({ query, fault }: { readonly query: string; readonly fault: QueryFault }) {
+  const { at, end, text } = fault;
+  return (
+    <>
+      <code>
+        {query.slice(0, at)}
+        <mark>{query.slice(at, end) || "␣"}</mark>
+        {query.slice(end)}
+      </code>
+      <br />
+      {text}
+    </>
   );
 }
 
@@ -175,6 +239,10 @@ function keepFocus(event: MouseEvent): void {
   event.preventDefault();
 }
 
-function summary({ parts, total }: Parts): string {
-  return total === 0 ? "Nothing has that name." : total > parts.length ? `${parts.length} of ${total}` : "";
+/** How much is found. */
+export function summaryOf({ total, objects }: Pick<Found, "total" | "objects">): string {
+  if (total === 0) {
+    return `Nothing is found. Search for a name or an attribute, such as ${EXAMPLES}.`;
+  }
+  return `${counted(total, "part")}, ${counted(objects, "object")}`;
 }

@@ -3,8 +3,10 @@
 import { computed, effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import { messageOf } from "../service/errors.ts";
-import type { Part, PartDetails } from "../service/service.ts";
-import { around } from "../space/box.ts";
+import type { Part, PartDetails, Snapped } from "../service/service.ts";
+import { around, type Box } from "../space/box.ts";
+import type { PlantFrame } from "../space/plantFrame.ts";
+import { exactly, type Meant, meantAt } from "../tools/pointed.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { atLevel, chosenLevel, keepLevel, type Level, levelsOf, parentOf } from "./levels.ts";
 
@@ -30,8 +32,19 @@ export class Selection {
   readonly details = computed(() => this.#picked.value.at(-1)?.details);
   /** The details of each. */
   readonly parts = computed(() => this.#picked.value.flatMap(({ details }) => details ?? []));
-  /** The box around all picked parts. */
-  readonly bounds = computed(() => around(this.parts.value));
+  /** The object that was clicked last, and where. */
+  readonly #clicked = signal<{ readonly object: number; readonly point: Snapped } | undefined>(undefined);
+  /** The point that was clicked last, snapped as in measuring; none unless its object is picked. */
+  readonly point = computed(() => {
+    const clicked = this.#clicked.value;
+    return clicked && this.#viewer.selected.value.has(clicked.object) ? clicked.point : undefined;
+  });
+  /** The plant's coordinates. */
+  readonly plant: PlantFrame;
+  /** The box around objects that were picked without their parts. */
+  readonly #box = signal<Box | undefined>(undefined);
+  /** The box around all that is picked. */
+  readonly bounds = computed(() => this.#box.value ?? around(this.parts.value));
   /** The levels that the model has. */
   readonly levels: readonly Level[];
   /** The level at which clicks pick. */
@@ -48,6 +61,7 @@ export class Selection {
 
   constructor(viewer: Viewer, clicks: (x: number, y: number) => boolean) {
     [this.#viewer, this.#clicks] = [viewer, clicks];
+    this.plant = viewer.scene.plant;
     this.levels = levelsOf(viewer.scene);
     if (!this.levels.includes(this.level.peek())) {
       this.level.value = "Primitive";
@@ -56,6 +70,7 @@ export class Selection {
     effect(() => {
       if (viewer.selected.value.isEmpty) {
         [this.#picked.value, viewer.picksMore.value] = [[], false];
+        [this.#clicked.value, this.#box.value] = [undefined, undefined];
       }
     });
   }
@@ -64,6 +79,12 @@ export class Selection {
   pick(part: PartKey): Promise<PartDetails | undefined> {
     this.#viewer.selected.value = objectsOf(part);
     return this.#add([], part);
+  }
+
+  /** Picks these objects, of whatever parts. `box` is the one around them, if it is known. */
+  pickAll(objects: ObjectSet, box?: Box): void {
+    [this.#picked.value, this.#box.value] = [[], box];
+    this.#viewer.selected.value = objects;
   }
 
   /** Toggles whether a part is picked. */
@@ -146,11 +167,12 @@ export class Selection {
   }
 
   #click(event: MouseEvent): void {
-    if (this.#clicks(event.offsetX, event.offsetY)) {
+    const { offsetX: x, offsetY: y } = event;
+    if (this.#clicks(x, y)) {
       return;
     }
     const viewer = this.#viewer;
-    const picked = viewer.pick(event.offsetX, event.offsetY);
+    const picked = viewer.pick(x, y);
     if (picked === undefined) {
       // A missed click with a modifier keeps the picked parts.
       if (!(event.ctrlKey || event.metaKey || event.shiftKey)) {
@@ -158,28 +180,55 @@ export class Selection {
       }
       return;
     }
-    const { object, first, end } = picked;
-    const part = { kind: "object", id: first, first, end: first + 1 } as const;
-    if (event.altKey && viewer.selected.peek().has(first)) {
-      this.pickParent();
-    } else if (this.level.peek() === "Primitive" && object !== undefined) {
-      this.click(part, event);
+    const meant = meantAt(viewer, x, y);
+    if (picked.object !== undefined) {
+      this.#clickObject(picked.object, meant, event);
     } else {
-      this.#then(() => this.#clickGroup(part, end, event));
+      this.#then(() => this.#clickAmong(meant, event));
     }
   }
 
-  /** Picks the group of an object at the chosen level. It must have the objects up to `end` as well. */
-  async #clickGroup(object: PartKey, end: number, event: MouseEvent): Promise<void> {
+  #clickObject(object: number, meant: Meant | undefined, event: MouseEvent): void {
+    void this.#keepPoint(object, meant);
+    const part = { kind: "object", id: object, first: object, end: object + 1 } as const;
+    if (event.altKey && this.#viewer.selected.peek().has(object)) {
+      this.pickParent();
+    } else if (this.level.peek() === "Primitive") {
+      this.click(part, event);
+    } else {
+      this.#then(() => this.#clickGroup(part, event));
+    }
+  }
+
+  /** Clicks one of several objects that are drawn as one. The service knows which. */
+  async #clickAmong(meant: Meant | undefined, event: MouseEvent): Promise<void> {
     const { service, said } = this.#viewer;
-    const level = this.level.peek();
     try {
-      const group = atLevel(await service.details(object), level);
-      if (group.end < end) {
+      const object = meant && (await service.objectAt(meant.aim));
+      if (object === undefined) {
         said.value = "These are several objects: come nearer to pick one.";
       } else {
-        this.click(group, event);
+        this.#clickObject(object, meant, event);
       }
+    } catch (error) {
+      said.value = messageOf(error);
+    }
+  }
+
+  /** Keeps the clicked point of an object, and then that of full detail. */
+  async #keepPoint(object: number, meant: Meant | undefined): Promise<void> {
+    this.#clicked.value = meant && { object, point: meant.shown };
+    const exact = meant && (await exactly(this.#viewer, meant.aim));
+    if (exact !== undefined && this.#clicked.peek()?.point === meant?.shown) {
+      this.#clicked.value = { object, point: exact };
+    }
+  }
+
+  /** Picks the group of an object at the chosen level. */
+  async #clickGroup(object: PartKey, event: MouseEvent): Promise<void> {
+    const { service, said } = this.#viewer;
+    try {
+      this.click(atLevel(await service.details(object), this.level.peek()), event);
     } catch (error) {
       said.value = messageOf(error);
     }
@@ -198,7 +247,11 @@ export class Selection {
   }
 
   async #ask(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
+    if (!objectsOf(part).has(this.#clicked.peek()?.object ?? -1)) {
+      this.#clicked.value = undefined;
+    }
     this.#picked.value = [...others, { part, details: undefined }];
+    this.#box.value = undefined;
     const { service, said } = this.#viewer;
     try {
       const details = await service.details(part);

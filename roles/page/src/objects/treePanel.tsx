@@ -5,11 +5,10 @@ import { useEffect, useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { ObjectSet } from "../proto/objectSet.ts";
 import { messageOf } from "../service/errors.ts";
-import type { Part, PartDetails } from "../service/service.ts";
+import { nameOf, type Part, type PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { hide, show, visibility } from "./actions.ts";
 import { goTo } from "./commands.ts";
-import { nameOf } from "./detailsPanel.tsx";
 import type { Selection } from "./selection.ts";
 
 interface Properties {

@@ -4,11 +4,17 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Choice, type Option } from "../controls/choice.tsx";
 import { type Row, Rows } from "../controls/rows.tsx";
+import { chooseTheme, THEMES, type Theme, theme } from "../controls/theme.ts";
 import type { OcclusionTest } from "../proto/settings.ts";
 import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
 import type { Cullers, Viewer } from "../viewer/viewer.ts";
 import { TimelineChart } from "./timelineChart.tsx";
 
+const THEME_NAMES: Readonly<Record<Theme, string>> = {
+  system: "as the system has them",
+  light: "light",
+  dark: "dark",
+};
 /** Milliseconds between two updates. */
 const PERIOD = 500;
 
@@ -69,6 +75,12 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
         ]}
         value={viewer.session.network.value}
         onChoose={(network) => viewer.session.moveTo(network)}
+      />
+      <Choice
+        label="Colours of the panels"
+        options={THEMES.map((value) => ({ value, text: THEME_NAMES[value] }))}
+        value={theme.value}
+        onChoose={chooseTheme}
       />
     </section>
   );

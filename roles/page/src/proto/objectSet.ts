@@ -54,6 +54,20 @@ export class ObjectSet {
     return new ObjectSet(runs);
   }
 
+  /** The objects of ascending runs apart from each other. Runs that touch are joined. */
+  static joined(runs: Iterable<Run>): ObjectSet {
+    const joined: { first: number; end: number }[] = [];
+    for (const { first, end } of runs) {
+      const last = joined.at(-1);
+      if (last?.end === first) {
+        last.end = end;
+      } else {
+        joined.push({ first, end });
+      }
+    }
+    return new ObjectSet(joined);
+  }
+
   /** The objects from `first` to before `end`. */
   static run(first: number, end: number): ObjectSet {
     return first < end ? new ObjectSet([{ first, end }]) : ObjectSet.EMPTY;
@@ -65,11 +79,19 @@ export class ObjectSet {
 
   write(writer: Writer): void {
     writer.varint(this.runs.length);
-    let least = 0;
-    for (const { first, end } of this.runs) {
-      writer.varint(first - least).varint(end - first - 1);
-      least = end + 1;
+    for (const [gap, more] of this.pairs) {
+      writer.varint(gap).varint(more);
     }
+  }
+
+  /** The set for `coded`. */
+  get pairs(): (readonly [gap: number, more: number])[] {
+    let least = 0;
+    return this.runs.map(({ first, end }) => {
+      const gap = first - least;
+      least = end + 1;
+      return [gap, end - first - 1] as const;
+    });
   }
 
   get isEmpty(): boolean {

@@ -8,6 +8,9 @@ import type { PiecePart } from "./supply.ts";
 /** The bytes of a vertex: position (3 f32), sRGB colour (4 u8), folded normal (2 i16). */
 export const VERTEX_BYTES = 20;
 
+/** The bytes that drawing adds to a vertex: its normal on a round surface (see `draw/normals.ts`). */
+export const SOFT_BYTES = 4;
+
 /** The most bytes of a piece, packed. */
 export const LARGEST_PIECE = 64 << 20;
 

@@ -27,7 +27,7 @@ const SECTION = tagged("kind", {
 
 export type Section = Of<typeof SECTION>;
 
-const OBJECTS: Codec<ObjectSet> = {
+export const OBJECTS: Codec<ObjectSet> = {
   read: (reader) => ObjectSet.read(reader),
   write: (writer, objects) => objects.write(writer),
 };

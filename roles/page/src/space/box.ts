@@ -25,6 +25,17 @@ export function cornersOf({ min, max }: Box): readonly Point[] {
   );
 }
 
+/** The ends of the twelve edges of a box. */
+export function edgesOf(box: Box): readonly (readonly [Point, Point])[] {
+  const corners = cornersOf(box);
+  return corners.flatMap((from, corner) =>
+    [1, 2, 4].flatMap((axis) => {
+      const to = corners[corner | axis];
+      return (corner & axis) === 0 && to !== undefined ? [[from, to] as const] : [];
+    }),
+  );
+}
+
 /** The box around boxes; nothing if there are none. */
 export function around(boxes: readonly Box[]): Box | undefined {
   const corner = (of: "min" | "max") => pointOf((axis) => Math[of](...boxes.map((box) => box[of][axis])));

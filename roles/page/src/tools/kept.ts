@@ -1,6 +1,7 @@
-/** Viewpoints saved in this browser, by scene. */
+/** Viewpoints and sets saved in this browser, by scene. */
 
 import { signal } from "@preact/signals";
+import { counted } from "../controls/counted.ts";
 import { decodeViewpoint, encodeViewpoint, foreign, type SceneName, type Viewpoint } from "./viewpoint.ts";
 
 export interface KeptViewpoint {
@@ -11,23 +12,34 @@ export interface KeptViewpoint {
   readonly viewpoint: Viewpoint;
 }
 
-/** The stored form of one. */
+/** A query with a name: a set of all parts of a kind. */
+export interface KeptSet {
+  /** Unique among sets. */
+  readonly name: string;
+  readonly query: string;
+}
+
+/** The stored form of a viewpoint, or with a query that of a set. */
 interface Stored {
   readonly name: string;
   readonly thumbnail: string;
   readonly view: string;
+  readonly query?: string;
 }
 
 /** The most that are read. */
 const MOST = 200;
 /** The most letters of a name. */
 const LONGEST_NAME = 80;
+/** The most letters of a query. */
+const LONGEST_QUERY = 2000;
 
 /** A file of viewpoints is invalid. */
 export class ViewpointsError extends Error {}
 
 export class KeptViewpoints {
   readonly list = signal<readonly KeptViewpoint[]>([]);
+  readonly sets = signal<readonly KeptSet[]>([]);
   readonly #scene: SceneName;
   readonly #key: string;
 
@@ -36,7 +48,8 @@ export class KeptViewpoints {
     this.#scene = scene;
     this.#key = `trimaran-viewpoints-${scene.fingerprint}`;
     try {
-      this.list.value = this.#parse(localStorage.getItem(this.#key) ?? "[]");
+      const { views, sets } = this.#parse(localStorage.getItem(this.#key) ?? "[]");
+      [this.list.value, this.sets.value] = [views, sets];
     } catch {
       // Another version of the page may have stored it.
     }
@@ -64,28 +77,55 @@ export class KeptViewpoints {
     }
   }
 
-  /** All of them as a file. */
-  toJson(): string {
-    const stored = this.list.value.map(({ name, thumbnail, viewpoint }): Stored => {
-      return { name, thumbnail, view: encodeViewpoint(viewpoint) };
-    });
-    return JSON.stringify(stored, undefined, 1);
+  /** Saves a query as a set, under the name that this returns. Of more than 200 sets the first is dropped. */
+  addSet(query: string, name = query): string {
+    const sets = this.sets.peek();
+    const called = free(name.trim() === "" ? query : name, sets);
+    this.#setSets([...sets, { name: called, query }].slice(-MOST));
+    return called;
   }
 
-  /** Adds the viewpoints of a file. Throws a `ViewpointsError` and changes nothing if it is invalid. */
-  addJson(text: string): void {
-    const added = this.#parse(text);
-    if (this.list.peek().length + added.length > MOST) {
-      throw new ViewpointsError(`with its ${added.length} views there would be more than ${MOST}`);
+  removeSet(set: KeptSet): void {
+    this.#setSets(this.sets.value.filter((one) => one !== set));
+  }
+
+  /** As `rename`. */
+  renameSet(set: KeptSet, name: string): void {
+    const sets = this.sets.peek();
+    const others = sets.filter((one) => one !== set);
+    if (name.trim() !== "") {
+      this.#setSets(sets.map((one) => (one === set ? { ...one, name: free(name, others) } : one)));
     }
-    const list = [...this.list.peek()];
-    for (const one of added) {
+  }
+
+  /** All of them as a file. */
+  toJson(): string {
+    const views = this.list.value.map(({ name, thumbnail, viewpoint }): Stored => {
+      return { name, thumbnail, view: encodeViewpoint(viewpoint) };
+    });
+    return JSON.stringify([...views, ...this.sets.value], undefined, 1);
+  }
+
+  /** Adds what is in a file. Throws a `ViewpointsError` and changes nothing if it is invalid. */
+  addJson(text: string): void {
+    const { views, sets } = this.#parse(text);
+    const [list, allSets] = [[...this.list.peek()], [...this.sets.peek()]];
+    if (Math.max(list.length + views.length, allSets.length + sets.length) > MOST) {
+      const those = counted(views.length, "view");
+      const added = sets.length === 0 ? those : `${those} and ${counted(sets.length, "set")}`;
+      throw new ViewpointsError(`with its ${added} there would be more than ${MOST}`);
+    }
+    for (const one of views) {
       list.push({ ...one, name: free(one.name, list) });
     }
+    for (const one of sets) {
+      allSets.push({ ...one, name: free(one.name, allSets) });
+    }
+    this.sets.value = allSets;
     this.#set(list);
   }
 
-  #parse(text: string): readonly KeptViewpoint[] {
+  #parse(text: string): { readonly views: readonly KeptViewpoint[]; readonly sets: readonly KeptSet[] } {
     let stored: unknown;
     try {
       stored = JSON.parse(text);
@@ -95,10 +135,18 @@ export class KeptViewpoints {
     if (!Array.isArray(stored)) {
       throw new ViewpointsError("it is JSON, but has no list of views. “Save as a file” writes such a list");
     }
-    if (stored.length > MOST) {
-      throw new ViewpointsError(`it has ${stored.length} views: ${MOST} is the most`);
+    const isSet = (one: Partial<Stored> | null) => typeof one?.query === "string";
+    const views = stored.filter((one) => !isSet(one));
+    const sets = stored.filter(isSet);
+    if (Math.max(views.length, sets.length) > MOST) {
+      const [count, what] = views.length > MOST ? [views.length, "views"] : [sets.length, "sets"];
+      throw new ViewpointsError(`it has ${count} ${what}: ${MOST} is the most`);
     }
-    return stored.map((one: Partial<Stored> | null, index) => {
+    return { views: this.#viewsOf(views), sets: setsOf(sets) };
+  }
+
+  #viewsOf(stored: readonly (Partial<Stored> | null)[]): readonly KeptViewpoint[] {
+    return stored.map((one, index) => {
       const which = typeof one?.name === "string" ? `its view “${one.name}”` : `its view number ${index + 1}`;
       if (typeof one?.name !== "string" || typeof one.view !== "string") {
         throw new ViewpointsError(`${which} needs a "name" and a "view", both texts`);
@@ -118,6 +166,15 @@ export class KeptViewpoints {
 
   #set(list: readonly KeptViewpoint[]): void {
     this.list.value = list;
+    this.#store();
+  }
+
+  #setSets(sets: readonly KeptSet[]): void {
+    this.sets.value = sets;
+    this.#store();
+  }
+
+  #store(): void {
     try {
       localStorage.setItem(this.#key, this.toJson());
     } catch {
@@ -126,8 +183,20 @@ export class KeptViewpoints {
   }
 }
 
+function setsOf(stored: readonly Partial<Stored>[]): readonly KeptSet[] {
+  return stored.map(({ name, query = "" }, index) => {
+    if (typeof name !== "string" || name.trim() === "" || query.length > LONGEST_QUERY) {
+      const which = typeof name === "string" ? `its set “${name}”` : `its set number ${index + 1}`;
+      throw new ViewpointsError(
+        `${which} needs a "name", and a "query" of at most ${LONGEST_QUERY} letters, both texts`,
+      );
+    }
+    return { name, query };
+  });
+}
+
 /** The name, with a number if the list has it already. */
-function free(name: string, list: readonly KeptViewpoint[]): string {
+function free(name: string, list: readonly Pick<KeptViewpoint, "name">[]): string {
   const taken = new Set(list.map(({ name }) => name));
   const wanted = name.trim().slice(0, LONGEST_NAME);
   let called = wanted;

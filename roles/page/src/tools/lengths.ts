@@ -7,7 +7,8 @@ export type Unit = (typeof UNITS)[number];
 
 /** Below this a millimetre is coarse: there are two more digits. Metres. */
 const SMALL = 0.01;
-const INCH = 0.0254;
+/** Metres. */
+export const INCH = 0.0254;
 const STORED = "trimaran-unit";
 
 /** This person's unit. */
@@ -25,6 +26,13 @@ export function chooseUnit(chosen: Unit): void {
 /** A length of this many metres, in whole millimetres or as fine in feet and inches. */
 export function lengthText(metres: number, unit: Unit): string {
   return written(metres, unit, moreDigits(metres));
+}
+
+/** A coordinate of this many metres, in whole millimetres or as fine in feet and inches. */
+export function coordinateText(metres: number, unit: Unit): string {
+  const text = written(metres, unit, 0);
+  // Zero has no sign.
+  return /[1-9]/.test(text) ? text : text.replace("-", "");
 }
 
 function moreDigits(metres: number): number {

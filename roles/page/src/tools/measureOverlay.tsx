@@ -3,9 +3,9 @@
 import type { Place } from "../draw/projection.ts";
 import type { Snapped } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { measuredText, unit } from "./lengths.ts";
+import { type Dimension, dimensionOf } from "./dimensions.ts";
+import { unit } from "./lengths.ts";
 import type { Measuring } from "./measuring.ts";
-import { measured } from "./snap.ts";
 import { useProjection } from "./useProjection.ts";
 
 interface Properties {
@@ -24,10 +24,8 @@ export function MeasureOverlay({ viewer, measuring }: Properties) {
   return (
     <svg class="overlay" aria-hidden="true">
       {[...kept, ...open].map((one, index) => {
-        const line = projection.line(one.from.point, one.to.point);
-        const { metres, error } = measured(one);
-        const label = measuredText(metres, error, unit.value);
-        return line && <Line key={index} from={line[0]} to={line[1]} label={label} />;
+        const dimension = dimensionOf(one, projection, unit.value);
+        return dimension && <Line key={index} {...dimension} />;
       })}
       {[start, hover].map((snapped, index) => (
         <Marker key={index} snapped={snapped} place={snapped && projection.place(snapped.point)} />
@@ -36,12 +34,11 @@ export function MeasureOverlay({ viewer, measuring }: Properties) {
   );
 }
 
-function Line({ from, to, label }: { readonly from: Place; readonly to: Place; readonly label: string }) {
+function Line({ from, to, label }: Dimension) {
   return (
     <g>
       <line x1={from.x} y1={from.y} x2={to.x} y2={to.y} />
-      <circle cx={from.x} cy={from.y} r={3} />
-      <circle cx={to.x} cy={to.y} r={3} />
+      {[from, to].map(({ x, y, isCut }, index) => !isCut && <circle key={index} cx={x} cy={y} r={3} />)}
       <text x={(from.x + to.x) / 2} y={(from.y + to.y) / 2 - 6}>
         {label}
       </text>
@@ -50,7 +47,7 @@ function Line({ from, to, label }: { readonly from: Place; readonly to: Place; r
 }
 
 /** A square is a vertex, a triangle an edge, a ring a face. */
-function Marker({
+export function Marker({
   snapped,
   place,
 }: {

@@ -1,74 +1,121 @@
-/** Distances between points that a person picks. */
+/** Measures of points that a person picks. */
 
-import { signal } from "@preact/signals";
-import type { Aim, Snapped } from "../service/service.ts";
+import { computed, signal } from "@preact/signals";
+import type { Aim, Snapped, Surface } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import type { Distance } from "../viewer/viewHistory.ts";
-import { isCutAway } from "./sections.ts";
-import { REACH, snap } from "./snap.ts";
+import type { Spot } from "./dimensions.ts";
+import { FEWEST, MEASURES, type Measure, perpendicular } from "./measures.ts";
+import { exactly, type Meant, meantAt, Pointed } from "./pointed.ts";
+import { REACH } from "./snap.ts";
 
-/** A snapped point of the shown geometry, and the question for the same on full detail. */
-interface Meant {
-  readonly shown: Snapped;
-  readonly aim: Aim;
-}
+/** A second click on a point is this near to it, CSS pixels. */
+const SAME = 4;
+
+/** A measure that is no distance. */
+export type Finding =
+  | { readonly kind: "angle"; readonly ends: readonly [Snapped, Snapped, Snapped] }
+  | { readonly kind: "polygon"; readonly corners: readonly Snapped[] }
+  | ({ readonly kind: "surface" } & Surface);
 
 export class Measuring {
   /** Whether clicks pick points instead of objects. */
   readonly isOn = signal(false);
-  /** The first picked point, until there is a second one. */
-  readonly start = signal<Snapped | undefined>(undefined);
+  /** The chosen measure. */
+  readonly measure = signal<Measure>("points");
+  /** The picked points, until there are enough. */
+  readonly #ends = signal<readonly Snapped[]>([]);
+  /** The last of them. */
+  readonly start = computed(() => this.#ends.value.at(-1));
+  /** The corners of the polygon that is being picked. */
+  readonly corners = computed(() => (this.measure.value === "polygon" ? this.#ends.value : []));
   /** The snapped point at the pointer. */
-  readonly hover = signal<Snapped | undefined>(undefined);
+  readonly hover;
+  /** Angles, surfaces and polygons. A view has only distances. */
+  readonly findings = signal<readonly Finding[]>([]);
   readonly #viewer: Viewer;
-  #isDue = false;
-  /** The next question for the point at the pointer; the service is asked one at a time. */
-  #unasked: Meant | undefined;
-  #isAsking = false;
+  /** The picked points on full detail, in their order. */
+  #settling: Promise<Snapped>[] = [];
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
-    viewer.canvas.addEventListener("pointermove", (event) => {
-      // A picture shows one marker, so one computation per picture is enough.
-      if (this.isOn.peek() && event.buttons === 0 && !this.#isDue) {
-        this.#isDue = true;
-        requestAnimationFrame(() => {
-          this.#isDue = false;
-          if (this.isOn.peek()) {
-            this.#unasked = this.#at(event.offsetX, event.offsetY);
-            this.hover.value = this.#unasked?.shown;
-            void this.#follow();
-          }
-        });
-      }
-    });
+    this.hover = new Pointed(viewer, () => this.#takesPoints).hover;
   }
 
   toggle(): void {
     this.isOn.value = !this.isOn.value;
-    [this.start.value, this.hover.value] = [undefined, undefined];
+    this.#forget();
   }
 
-  /** Picks a point: every second one ends a distance. On the background it picks none. */
-  pick(x: number, y: number): void {
-    const meant = this.#at(x, y);
+  /** Measures this from now on. */
+  choose(measure: Measure): void {
+    this.measure.value = measure;
+    this.#forget();
+  }
+
+  /** Picks a point, unless parts are picked; on the background it picks none. Returns whether it does. */
+  pick(x: number, y: number): boolean {
+    if (!this.#takesPoints) {
+      return false;
+    }
+    const meant = meantAt(this.#viewer, x, y);
+    const measure = this.measure.peek();
+    if (this.#closes(x, y, meant?.shown)) {
+      this.closePolygon();
+      return true;
+    }
     if (meant === undefined) {
-      return;
+      return true;
     }
-    const start = this.start.peek();
-    if (start === undefined) {
-      this.start.value = meant.shown;
+    if (measure === "surface") {
+      void this.#measureSurface(meant.aim);
+      return true;
+    }
+    const ends = [...this.#ends.peek(), meant.shown];
+    this.#settling = [...this.#settling.slice(0, ends.length - 1), this.#settle(meant)];
+    if (ends.length < MEASURES[measure].points) {
+      this.#ends.value = ends;
+      return true;
+    }
+    const settling = this.#settling;
+    this.#forget();
+    const [from, to] = ends;
+    if (measure === "points" && from && to) {
+      this.#add({ from, to });
+      // They may have settled meanwhile.
+      void Promise.all(settling).then(([exactFrom, exactTo]) => {
+        this.#viewer.view.amend(({ distances }) => ({
+          distances: distances.map((one) =>
+            one.from === from && one.to === to && exactFrom && exactTo
+              ? { from: exactFrom, to: exactTo }
+              : one,
+          ),
+        }));
+      });
     } else {
-      this.#set([...this.#viewer.distances.peek(), { from: start, to: meant.shown }]);
-      this.start.value = undefined;
+      void this.#finish(measure, settling);
     }
-    void this.#settle(meant);
+    return true;
   }
 
-  /** Undoes the first point of a distance. Returns whether there was one. */
+  /** Measures the polygon of the picked corners. Returns whether there are any. */
+  closePolygon(): boolean {
+    const count = this.corners.peek().length;
+    if (count >= FEWEST) {
+      // Corners may have been taken back.
+      const settling = this.#settling.slice(0, count);
+      this.#forget();
+      void this.#finish("polygon", settling);
+    } else if (count > 0) {
+      this.#viewer.said.value = "A polygon has at least three corners.";
+    }
+    return count > 0;
+  }
+
+  /** Undoes the last point of a measure that lacks some. Returns whether there was one. */
   takeBack(): boolean {
     const hadOne = this.start.peek() !== undefined;
-    this.start.value = undefined;
+    this.#ends.value = this.#ends.peek().slice(0, -1);
     return hadOne;
   }
 
@@ -76,79 +123,76 @@ export class Measuring {
     this.#set(this.#viewer.distances.peek().filter((one) => one !== distance));
   }
 
+  drop(finding: Finding): void {
+    this.findings.value = this.findings.peek().filter((one) => one !== finding);
+  }
+
+  /** Whether a click closes the polygon: it is on the first corner, or once more on the last one. */
+  #closes(x: number, y: number, shown: Snapped | undefined): boolean {
+    const { pictured } = this.#viewer;
+    const corners = this.corners.peek();
+    const [first, last, again] = [corners[0], corners.at(-1), shown].map((one) => {
+      return one && pictured.place(one.point);
+    });
+    const isNear = (a: Spot, b: Spot, reach: number) => Math.hypot(a.x - b.x, a.y - b.y) < reach;
+    return (
+      (first !== undefined && corners.length >= FEWEST && isNear(first, { x, y }, REACH)) ||
+      (last !== undefined && again !== undefined && isNear(last, again, SAME))
+    );
+  }
+
+  get #takesPoints(): boolean {
+    return this.isOn.peek() && this.measure.peek() !== "parts";
+  }
+
+  #forget(): void {
+    [this.#ends.value, this.hover.value] = [[], undefined];
+    this.#settling = [];
+  }
+
+  #add(distance: Distance): void {
+    this.#set([...this.#viewer.distances.peek(), distance]);
+  }
+
   #set(distances: readonly Distance[]): void {
     this.#viewer.view.change({ distances });
   }
 
-  /** The snapped point at a place of the canvas, in CSS pixels. */
-  #at(x: number, y: number): Meant | undefined {
-    const viewer = this.#viewer;
-    const { canvas, pictured } = viewer;
-    const picked = viewer.pick(x, y);
-    const drawable = viewer.display?.shown?.drawables.find(({ id }) => id === picked?.drawable);
-    const triangles = drawable && viewer.renderer.triangles(drawable.geometry);
-    if (picked === undefined || drawable === undefined || triangles === undefined) {
-      return undefined;
-    }
-    const place = { x, y, depth: picked.depth };
-    const metres = pictured.metresEach(picked.depth);
-    // The error of an exact picture's levels. That of stand-ins is unknown.
-    const pixel = (metres * canvas.clientHeight) / canvas.height;
-    const error = viewer.isExact ? viewer.errorPx * pixel : undefined;
-    return {
-      shown: { ...snap(place, drawable, triangles, pictured), error },
-      aim: {
-        drawable: drawable.id,
-        eye: pictured.eye,
-        at: pictured.point(place),
-        reach: REACH * metres,
-      },
-    };
-  }
-
-  /** Follows the pointer with questions, as long as it has moved. */
-  async #follow(): Promise<void> {
-    if (this.#isAsking) {
-      return;
-    }
-    this.#isAsking = true;
-    for (let meant = this.#unasked; meant !== undefined; meant = this.#unasked) {
-      this.#unasked = undefined;
-      const exact = await this.#exact(meant.aim);
-      if (exact !== undefined && this.hover.peek() === meant.shown) {
-        this.hover.value = exact;
+  /** Measures what takes points of full detail. */
+  async #finish(measure: Measure, settling: readonly Promise<Snapped>[]): Promise<void> {
+    const ends = await Promise.all(settling);
+    const [a, b, c] = ends;
+    if (measure === "polygon") {
+      this.findings.value = [...this.findings.peek(), { kind: "polygon", corners: ends }];
+    } else if (measure === "angle" && a && b && c) {
+      this.findings.value = [...this.findings.peek(), { kind: "angle", ends: [a, b, c] }];
+    } else if (a && b) {
+      const distance = perpendicular(a, b);
+      if (distance !== undefined) {
+        this.#add(distance);
+      } else {
+        this.#viewer.said.value = "The service does not say how the face lies: nothing is measured.";
       }
     }
-    this.#isAsking = false;
   }
 
-  /** Replaces a picked point by the one of full detail. */
-  async #settle({ shown, aim }: Meant): Promise<void> {
-    const exact = await this.#exact(aim);
-    if (exact === undefined) {
-      return;
-    }
-    if (this.start.peek() === shown) {
-      this.start.value = exact;
-    }
-    const settled = <End>(end: End) => (Object.is(end, shown) ? exact : end);
-    this.#viewer.view.amend(({ distances }) => ({
-      distances: distances.map((one) =>
-        one.from === shown || one.to === shown ? { from: settled(one.from), to: settled(one.to) } : one,
-      ),
-    }));
-  }
-
-  /** The snapped point on full detail; nothing if the service cannot tell. */
-  async #exact(aim: Aim): Promise<Snapped | undefined> {
-    const { service, view } = this.#viewer;
-    const isHidden = ({ point }: Snapped) => isCutAway(view.current.peek().sections, point);
+  async #measureSurface(aim: Aim): Promise<void> {
     try {
-      const snapped = await service.snap(aim);
-      // Geometry that a section has cut away is ignored.
-      return snapped && isHidden(snapped) ? await service.snap({ ...aim, reach: aim.reach / 1000 }) : snapped;
+      const surface = await this.#viewer.service.surface(aim);
+      if (surface !== undefined) {
+        this.findings.value = [...this.findings.peek(), { kind: "surface", ...surface }];
+        return;
+      }
     } catch {
-      return undefined;
+      // The same as no answer.
     }
+    this.#viewer.said.value = "The service does not know the surface there: nothing is measured.";
+  }
+
+  /** The picked point on full detail, which takes the place of the shown one. */
+  async #settle({ shown, aim }: Meant): Promise<Snapped> {
+    const exact = (await exactly(this.#viewer, aim)) ?? shown;
+    this.#ends.value = this.#ends.peek().map((end) => (end === shown ? exact : end));
+    return exact;
   }
 }

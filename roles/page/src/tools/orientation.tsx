@@ -1,8 +1,11 @@
 /** A cube that shows the orientation, with the standard views, and the way back. */
 
 import { useSignal } from "@preact/signals";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { SIDES, type StandardView } from "../navigate/standardViews.ts";
+import { isForControl } from "../navigate/typing.ts";
+import { wayInPicture } from "../space/plantFrame.ts";
 import { dot, type Point } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { useProjection } from "./useProjection.ts";
@@ -27,9 +30,36 @@ interface Properties {
 
 export function Orientation({ viewer, look, commands, views }: Properties) {
   const isOpen = useSignal(false);
+  const section = useRef<HTMLElement>(null);
+  useLayoutEffect(() => {
+    if (!isOpen.value) {
+      return;
+    }
+    const press = (event: KeyboardEvent) => {
+      if (event.key === "Escape" && !isForControl(event)) {
+        // This Escape closes the list and does nothing else.
+        event.stopPropagation();
+        isOpen.value = false;
+      }
+    };
+    const point = ({ target }: PointerEvent) => {
+      if (target instanceof Node && !section.current?.contains(target)) {
+        isOpen.value = false;
+      }
+    };
+    addEventListener("keydown", press, { capture: true });
+    addEventListener("pointerdown", point, { capture: true });
+    return () => {
+      removeEventListener("keydown", press, { capture: true });
+      removeEventListener("pointerdown", point, { capture: true });
+    };
+  }, [isOpen.value]);
   return (
-    <section class="orientation" aria-label="Orientation">
-      <Cube viewer={viewer} look={look} />
+    <section class="orientation" aria-label="Orientation" ref={section}>
+      <div class="compassed">
+        <Compass viewer={viewer} />
+        <Cube viewer={viewer} look={look} />
+      </div>
       <div class="panel bar">
         {commands.map(({ label, sign, key, run, isPossible }) => (
           <Button
@@ -61,6 +91,12 @@ export function Orientation({ viewer, look, commands, views }: Properties) {
               onClick={() => look(view)}
             />
           ))}
+          <Button
+            text="Parallel"
+            title="Parallel lines, and the same scale everywhere (R)"
+            aria-pressed={viewer.navigator.projection.value === "parallel"}
+            onClick={() => viewer.navigator.toggleProjection()}
+          />
         </fieldset>
       )}
     </section>
@@ -95,12 +131,49 @@ function Cube({ viewer, look }: Pick<Properties, "viewer" | "look">) {
             <title>{`${view.name} (${view.key})`}</title>
             <polygon
               points={[corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)].join(" ")}
-              fill-opacity={0.55 + 0.45 * facing}
+              fill-opacity={0.8 + 0.2 * facing}
             />
             <text transform={`matrix(${[xx / HALF, xy / HALF, yx / HALF, yy / HALF, ox, oy].join()})`}>
               {view.name}
             </text>
           </g>
+        );
+      })}
+    </svg>
+  );
+}
+
+/** The distance of letters from the middle of the cube, in units of its picture. */
+const AROUND = 56;
+/** The letters of the plant's directions: east, north and up. */
+const WAYS: readonly (readonly [letter: string, way: Point])[] = [
+  ["N", [0, 1, 0]],
+  ["E", [1, 0, 0]],
+  ["S", [0, -1, 0]],
+  ["W", [-1, 0, 0]],
+  ["U", [0, 0, 1]],
+];
+
+/** The plant's directions around the cube's foot, and above it. */
+function Compass({ viewer }: Pick<Properties, "viewer">) {
+  useProjection(viewer);
+  const { axes } = viewer.navigator;
+  const placed = ([x, y, z]: Point): readonly [number, number] => {
+    // The letters of the ground lie around the lower face.
+    const way: Point = [AROUND * x, AROUND * y, AROUND * z - (z === 0 ? HALF : 0)];
+    return wayInPicture(viewer.scene.plant, axes, way);
+  };
+  const [foot, north] = [placed([0, 0, -HALF / AROUND]), placed([0, 0.8, 0])];
+  return (
+    <svg class="compass" viewBox="-62 -62 124 124" aria-hidden="true">
+      <line x1={foot[0]} y1={foot[1]} x2={north[0]} y2={north[1]} />
+      {WAYS.map(([letter, way]) => {
+        const [x, y] = placed(way);
+        // One that leads to the eye or away from it would be on the cube.
+        return Math.hypot(x, y) < HALF ? null : (
+          <text class={letter} key={letter} x={x} y={y}>
+            {letter}
+          </text>
         );
       })}
     </svg>

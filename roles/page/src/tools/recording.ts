@@ -1,6 +1,7 @@
 /** Records a walk: a camera path for `trimaran run --path`. */
 
 import { signal } from "@preact/signals";
+import { isParallel } from "../navigate/parallel.ts";
 import type { Point } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
@@ -18,6 +19,8 @@ export class Recording {
   readonly isOn = signal(false);
   readonly #viewer: Viewer;
   #poses: RecordedPose[] = [];
+  /** The last field of view, degrees. A path has one for all its poses. */
+  #vfovDeg = 0;
   #timer: ReturnType<typeof setInterval> | undefined;
 
   constructor(viewer: Viewer) {
@@ -27,9 +30,16 @@ export class Recording {
   start(): void {
     const { navigator } = this.#viewer;
     this.#poses = [];
+    this.#vfovDeg = navigator.vfovDeg;
     this.isOn.value = true;
     this.#timer = setInterval(() => {
-      this.#poses.push({ eye: navigator.eye, forward: navigator.forward });
+      const { eye, forward, vfovDeg } = navigator;
+      // An eye of the other projection is at another distance: it is left out.
+      if (isParallel(vfovDeg) !== isParallel(this.#vfovDeg)) {
+        return;
+      }
+      this.#vfovDeg = vfovDeg;
+      this.#poses.push({ eye, forward });
       if (this.#poses.length === MOST) {
         clearInterval(this.#timer);
       }
@@ -40,7 +50,7 @@ export class Recording {
   stop(): string {
     clearInterval(this.#timer);
     this.isOn.value = false;
-    return pathJson(this.#viewer.navigator.vfovDeg, this.#poses);
+    return pathJson(this.#vfovDeg, this.#poses);
   }
 }
 

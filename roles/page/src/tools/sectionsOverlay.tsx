@@ -1,9 +1,11 @@
 /** Handles over the picture for dragging sections. */
 
+import { edgesOf } from "../space/box.ts";
 import { beyond } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Handle, handlesOf, metresOf } from "./handles.ts";
 import { replaced } from "./sections.ts";
+import { Segment } from "./segment.tsx";
 import { useProjection } from "./useProjection.ts";
 
 /** Length of a handle's direction line, pixels. */
@@ -14,6 +16,12 @@ export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
   const { sections } = viewer.view.current.value;
   return (
     <svg class="overlay" aria-hidden="true">
+      {sections.map((section, index) => {
+        const edges = section.kind === "box" ? edgesOf({ min: section.lower, max: section.upper }) : [];
+        return edges.map(([from, to], edge) => (
+          <Segment key={`${index} ${edge}`} projection={projection} from={from} to={to} />
+        ));
+      })}
       {sections.flatMap((section, index) =>
         handlesOf(section).map((handle) => {
           const place = projection.place(handle.point);
@@ -22,10 +30,10 @@ export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
           }
           const { point, axis } = handle;
           const reach = REACH * projection.metresEach(place.depth);
-          const line = projection.line(beyond(point, axis, -reach), beyond(point, axis, reach));
+          const [from, to] = [beyond(point, axis, -reach), beyond(point, axis, reach)];
           return (
             <g key={`${index} ${handle.name}`}>
-              {line && <line x1={line[0].x} y1={line[0].y} x2={line[1].x} y2={line[1].y} />}
+              <Segment projection={projection} from={from} to={to} />
               <circle
                 class="handle"
                 cx={place.x}

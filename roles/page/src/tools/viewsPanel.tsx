@@ -1,21 +1,40 @@
 /** Viewpoints, links, pictures and recorded walks. */
 
 import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { copyText } from "../controls/copyButton.tsx";
-import { called } from "../service/service.ts";
+import { download } from "../controls/download.ts";
+import { lazy } from "../controls/lazy.tsx";
+import type { PartDetails } from "../service/service.ts";
+import { distance } from "../space/point.ts";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { type KeptViewpoint, KeptViewpoints, ViewpointsError } from "./kept.ts";
+import { type KeptViewpoint, type KeptViewpoints, ViewpointsError } from "./kept.ts";
+import { PeopleList } from "./peopleList.tsx";
 import { Recording } from "./recording.ts";
 import { decodeViewpoint, encodeViewpoint, foreign, type Viewpoint } from "./viewpoint.ts";
 
+const PictureDialog = lazy(async () => (await import("./pictures/pictureDialog.tsx")).PictureDialog);
+
 /** Sides of a thumbnail, pixels. */
 const THUMBNAIL = [160, 90] as const;
+/** The eye is still at a viewpoint if it is no farther from it than this: metres, and about radians. */
+const STILL = 1e-6;
 
-export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readonly people: People }) {
-  const kept = useMemo(() => new KeptViewpoints(viewer.scene), [viewer]);
+interface Properties {
+  readonly viewer: Viewer;
+  readonly people: People;
+  readonly kept: KeptViewpoints;
+  /** Searches for all of a set. */
+  readonly openSet: (query: string) => void;
+  /** The part that is picked last. */
+  readonly picked: PartDetails | undefined;
+}
+
+export function ViewsPanel({ viewer, people, kept, openSet, picked }: Properties) {
+  const takesPicture = useSignal(false);
   const recording = useMemo(() => new Recording(viewer), [viewer]);
   const { name } = viewer.scene;
 
@@ -50,7 +69,14 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
       <div>
         <Button text="Keep this view" onClick={save} />
         <Button text="Copy link" title="The address has the token" onClick={() => void copyLink()} />
-        <Button text="Picture" onClick={() => void picture(viewer)} />
+        <Button
+          text="Picture"
+          onClick={() => {
+            // A picture is of one's own view.
+            people.follow(undefined);
+            takesPicture.value = true;
+          }}
+        />
         <Button
           text={recording.isOn.value ? "Stop" : "Record a walk"}
           aria-pressed={recording.isOn.value}
@@ -59,13 +85,37 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
       </div>
       <ul>
         {kept.list.value.map((one) => (
-          <Row key={one.name} viewer={viewer} kept={kept} one={one} />
+          <Row
+            key={one.name}
+            name={one.name}
+            open={() => goTo(viewer, one.viewpoint)}
+            rename={(name) => kept.rename(one, name)}
+            remove={() => kept.remove(one)}
+          >
+            {one.thumbnail && <img src={one.thumbnail} alt="" width={80} height={45} />}
+            {one.name}
+          </Row>
+        ))}
+      </ul>
+      {kept.sets.value.length > 0 && <p>Sets</p>}
+      <ul aria-label="Sets">
+        {kept.sets.value.map((one) => (
+          <Row
+            key={one.name}
+            name={one.name}
+            title={one.query}
+            open={() => openSet(one.query)}
+            rename={(name) => kept.renameSet(one, name)}
+            remove={() => kept.removeSet(one)}
+          >
+            {one.name}
+          </Row>
         ))}
       </ul>
       <div>
         <Button
           text="Save as a file"
-          disabled={kept.list.value.length === 0}
+          disabled={kept.list.value.length + kept.sets.value.length === 0}
           onClick={() => download(new Blob([kept.toJson()]), `${name}-views.json`)}
         />
         <label class="file">
@@ -82,20 +132,36 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
           />
         </label>
       </div>
-      <PeopleList people={people} />
+      <PeopleList people={people} picked={picked} />
+      {takesPicture.value && (
+        <PictureDialog
+          viewer={viewer}
+          subject={picked?.name || nameOfView(viewer, kept.list.value)}
+          picked={picked}
+          onClose={() => {
+            takesPicture.value = false;
+          }}
+        />
+      )}
     </section>
   );
 }
 
-/** A saved viewpoint with its commands: move there, rename, remove. */
+/** A saved viewpoint or set with its commands: open, rename, remove. */
 function Row({
-  viewer,
-  kept,
-  one,
+  name,
+  title,
+  open,
+  rename,
+  remove,
+  children,
 }: {
-  readonly viewer: Viewer;
-  readonly kept: KeptViewpoints;
-  readonly one: KeptViewpoint;
+  readonly name: string;
+  readonly title?: string;
+  readonly open: () => void;
+  readonly rename: (name: string) => void;
+  readonly remove: () => void;
+  readonly children: ComponentChildren;
 }) {
   const isNaming = useSignal(false);
   const end = (name: string | undefined) => {
@@ -103,7 +169,7 @@ function Row({
     if (isNaming.peek()) {
       isNaming.value = false;
       if (name !== undefined) {
-        kept.rename(one, name);
+        rename(name);
       }
     }
   };
@@ -112,9 +178,9 @@ function Row({
       {isNaming.value ? (
         <input
           ref={(field) => field?.select()}
-          aria-label={`Name of ${one.name}`}
+          aria-label={`Name of ${name}`}
           maxLength={80}
-          defaultValue={one.name}
+          defaultValue={name}
           onBlur={(event) => end(event.currentTarget.value)}
           onKeyDown={({ key, currentTarget }) => {
             if (key === "Enter" || key === "Escape") {
@@ -123,42 +189,20 @@ function Row({
           }}
         />
       ) : (
-        <button type="button" class="link" onClick={() => goTo(viewer, one.viewpoint)}>
-          {one.thumbnail && <img src={one.thumbnail} alt="" width={80} height={45} />}
-          {one.name}
+        <button type="button" class="link" title={title} onClick={open}>
+          {children}
         </button>
       )}
       <Button
         text="✎"
-        aria-label={`Rename ${one.name}`}
+        aria-label={`Rename ${name}`}
         title="Rename"
         onClick={() => {
           isNaming.value = true;
         }}
       />
-      <Button text="×" aria-label={`Remove ${one.name}`} onClick={() => kept.remove(one)} />
+      <Button text="×" aria-label={`Remove ${name}`} onClick={remove} />
     </li>
-  );
-}
-
-/** The other people here. Empty if there are none. */
-function PeopleList({ people }: { readonly people: People }) {
-  const { you, others } = people.company.value;
-  const { followed } = people;
-  return (
-    <ul aria-label="People">
-      {others.length > 0 && <li>You are person {you}</li>}
-      {others.map((person) => (
-        <li key={person.number}>
-          {called(person)}
-          <Button
-            text="Follow"
-            aria-pressed={followed.value === person.number}
-            onClick={() => people.follow(followed.value === person.number ? undefined : person.number)}
-          />
-        </li>
-      ))}
-    </ul>
   );
 }
 
@@ -193,27 +237,19 @@ export function followLink(viewer: Viewer, address: URL): void {
   }
 }
 
+/** The name of the kept view at which the eye is; empty if there is none. */
+function nameOfView({ navigator }: Viewer, kept: readonly KeptViewpoint[]): string {
+  const { eye, forward } = navigator;
+  const isHere = ({ viewpoint }: KeptViewpoint) => {
+    return distance(viewpoint.eye, eye) <= STILL && distance(viewpoint.forward, forward) <= STILL;
+  };
+  return kept.filter(isHere).at(-1)?.name ?? "";
+}
+
 function thumbnailOf(viewer: Viewer): string {
   const small = document.createElement("canvas");
   [small.width, small.height] = THUMBNAIL;
   viewer.drawNow();
   small.getContext("2d")?.drawImage(viewer.canvas, 0, 0, ...THUMBNAIL);
   return small.toDataURL("image/jpeg", 0.8);
-}
-
-/** The picture as a file, in its size on the screen. */
-async function picture(viewer: Viewer): Promise<void> {
-  viewer.drawNow();
-  const blob = await new Promise<Blob | null>((resolve) => viewer.canvas.toBlob(resolve));
-  if (blob !== null) {
-    download(blob, `${viewer.scene.name}.png`);
-  }
-}
-
-function download(blob: Blob, name: string): void {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

@@ -1,5 +1,6 @@
 /** Predicts the eye's pose from its recent motion. */
 
+import { directionOf } from "../navigate/gaze.ts";
 import { beyond, minus, type Point } from "../space/point.ts";
 
 /** A place and a direction, as of a gaze. */
@@ -7,6 +8,10 @@ export interface Pose {
   readonly eye: Point;
   readonly heading: number;
   readonly pitch: number;
+  /**
+   * The point so many metres before the eye goes steadily. A distant eye of a parallel view swings around it.
+   */
+  readonly ahead?: number;
 }
 
 /** The past from which the future is predicted, milliseconds. */
@@ -40,13 +45,22 @@ export class Prediction {
     const past = last.at - first.at;
     const share = past > 0 ? Math.min(ahead, FURTHEST) / past : 0;
     const [a, b] = [first.pose, last.pose];
+    // The shorter way round.
+    const heading = b.heading + wrapped(b.heading - a.heading) * share;
+    const pitch = b.pitch + (b.pitch - a.pitch) * share;
+    const [from, to] = [steady(a), steady(b)];
+    const { ahead: away = 0 } = b;
     return {
-      eye: beyond(b.eye, minus(b.eye, a.eye), share),
-      // The shorter way round.
-      heading: b.heading + wrapped(b.heading - a.heading) * share,
-      pitch: b.pitch + (b.pitch - a.pitch) * share,
+      eye: beyond(beyond(to, minus(to, from), share), directionOf(heading, pitch), -away),
+      heading,
+      pitch,
     };
   }
+}
+
+/** The point that goes steadily. */
+function steady({ eye, heading, pitch, ahead = 0 }: Pose): Point {
+  return beyond(eye, directionOf(heading, pitch), ahead);
 }
 
 /** The same angle between minus and plus half a turn. */

@@ -1,6 +1,7 @@
 /** The resolution of culling for a canvas. */
 
 import type { ViewState } from "../proto/viewState.ts";
+import type { Size } from "../space/size.ts";
 
 /** The culled view is this much wider and higher than the picture, so that a turn uncovers nothing new. */
 const WIDER = 1.5;
@@ -9,12 +10,6 @@ const WIDER = 1.5;
  * fine.
  */
 const COARSER = 1.5;
-
-/** Pixels. */
-export interface Size {
-  readonly width: number;
-  readonly height: number;
-}
 
 /**
  * The culling resolution for a picture of this size, with silhouette errors of at most `epsilon` pixels. If

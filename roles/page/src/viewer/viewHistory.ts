@@ -1,6 +1,7 @@
 /** A person's changes of the view, with undo. */
 
 import { computed, signal } from "@preact/signals";
+import { type Colouring, NO_COLOURS } from "../draw/colours.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { ViewState } from "../proto/viewState.ts";
 import type { End } from "../service/service.ts";
@@ -20,6 +21,7 @@ export interface SeenView extends Pick<ViewState, "sections" | "hidden" | "isola
 export interface UserView extends SeenView {
   /** The measured distances. */
   readonly distances: readonly Distance[];
+  readonly colouring: Colouring;
 }
 
 export const WHOLE: UserView = {
@@ -28,6 +30,7 @@ export const WHOLE: UserView = {
   isolated: undefined,
   seeThrough: ObjectSet.EMPTY,
   distances: [],
+  colouring: NO_COLOURS,
 };
 
 /** Whether the picture is one of ghosts: at least half of all objects are see-through, beyond the model's. */

@@ -1,7 +1,8 @@
 /** A canvas that shows the scene from a person's eye. */
 
-import { computed, effect, signal } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, signal } from "@preact/signals";
 import type { Display, Shown } from "../display/display.ts";
+import { ObjectColours } from "../draw/colours.ts";
 import type { Drawable, Look } from "../draw/model.ts";
 import { Projection } from "../draw/projection.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
@@ -12,10 +13,11 @@ import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
 import type { ViewState } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
-import type { Point } from "../space/point.ts";
+import { dot, type Point, pointOf } from "../space/point.ts";
+import type { Size } from "../space/size.ts";
 import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
-import { type Size, sampling, widerBy, within } from "./sampling.ts";
+import { sampling, widerBy, within } from "./sampling.ts";
 import { Session } from "./session.ts";
 import { type Distance, hasGhosts, ViewHistory } from "./viewHistory.ts";
 
@@ -34,13 +36,24 @@ const REST = 150;
 const MEMORY = 512 << 20;
 
 /** Where the page stores that it has restarted with another scene. */
-export const OTHER_SCENE = "trimaran.otherScene";
+const OTHER_SCENE = "trimaran.otherScene";
+
+/** Whether the page has restarted with another scene. In a frame a browser may have no storage. */
+export function hasRestarted(): boolean {
+  try {
+    const has = sessionStorage.getItem(OTHER_SCENE) !== null;
+    sessionStorage.removeItem(OTHER_SCENE);
+    return has;
+  } catch {
+    return false;
+  }
+}
 
 /** How many cullers; `switch` are two in turn, each drawing the other one's visible set. */
 export type Cullers = "1" | "2" | "3" | "4" | "switch";
 
-/** A pixel this many times as far away as its neighbours is seen through a gap. */
-const GAP = 3;
+/** A pixel that is this many heights of the picture behind its neighbours is seen through a gap. */
+const GAP = 2;
 
 /** An offered action. */
 export interface Offer {
@@ -70,6 +83,8 @@ export class Viewer {
   readonly picksMore = signal(false);
   /** The measured distances. */
   readonly distances = computed<readonly Distance[]>(() => this.view.current.value.distances);
+  /** The colours over those of the model, if there are any. */
+  readonly #colours: ReadonlySignal<ObjectColours | undefined>;
   /** The largest silhouette error in pixels, and the occlusion test of cullers. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
@@ -81,6 +96,8 @@ export class Viewer {
   readonly said = signal("");
   /** An offered action, with its reason. */
   readonly offer = signal<Offer | undefined>(undefined);
+  /** Where the pointer is on the canvas, in CSS pixels; nothing while it is elsewhere. */
+  pointer: { readonly x: number; readonly y: number } | undefined;
   pictures = 0;
   readonly hand = new Hand();
   readonly #prediction = new Prediction();
@@ -101,6 +118,8 @@ export class Viewer {
   #pictured: Camera | undefined;
   /** Whether the picture is fitted to a leader's set. */
   #isFitted = false;
+  /** The size of the picture that sets are culled for in place of the canvas, if there is one. */
+  #other: Size | undefined;
   /** Whether others see what this eye sees. */
   isFollowed = false;
 
@@ -109,6 +128,10 @@ export class Viewer {
     [this.canvas, this.scene, this.service] = [canvas, scene, service];
     this.#modelSeeThrough = ObjectSet.coded(scene.seeThrough);
     this.view = new ViewHistory(this.#modelSeeThrough);
+    const colouring = computed(() => this.view.current.value.colouring);
+    this.#colours = computed(() => {
+      return colouring.value.paints.length === 0 ? undefined : new ObjectColours(colouring.value);
+    });
     this.renderer = new Renderer(canvas, {
       onRestored: () => {
         this.display?.loseGeometry();
@@ -142,7 +165,14 @@ export class Viewer {
     });
     effect(() => {
       this.selected.value;
+      this.#colours.value;
       this.redraw();
+    });
+    canvas.addEventListener("pointermove", ({ offsetX, offsetY }) => {
+      this.pointer = { x: offsetX, y: offsetY };
+    });
+    canvas.addEventListener("pointerleave", () => {
+      this.pointer = undefined;
     });
     new ResizeObserver(() => this.#resize()).observe(canvas);
     // Leaving the page is no lost link.
@@ -216,10 +246,11 @@ export class Viewer {
     const picked = this.pick(x, y);
     const { scale } = this;
     const near = around > 0 && this.renderer.nearest(x * scale, y * scale, Math.round(around * scale));
-    if (near && (picked === undefined || picked.depth > GAP * near.depth)) {
-      return this.pictured.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });
+    const { pictured } = this;
+    if (near && (picked === undefined || picked.depth - near.depth > GAP * pictured.heightAt(near.depth))) {
+      return pictured.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });
     }
-    return picked && this.pictured.point({ x, y, depth: picked.depth });
+    return picked && pictured.point({ x, y, depth: picked.depth });
   }
 
   /** The projection of the present eye. */
@@ -245,11 +276,11 @@ export class Viewer {
 
   /**
    * Requests the visible set of `camera`, even if the eye has left it. Returns the frame's number; nothing
-   * without a link.
+   * without a link, or while another picture is culled for.
    */
   ask(camera: Camera): number | undefined {
     const { display } = this;
-    if (display === undefined || display.isOver) {
+    if (display === undefined || display.isOver || this.#other !== undefined) {
       return undefined;
     }
     // No newer camera replaces it before the culler is free for it.
@@ -258,6 +289,29 @@ export class Viewer {
     this.#coarsen(false);
     const tanHalfFov = camera.tanHalfFov * widerBy(this.canvas);
     return display.publish({ ...camera, tanHalfFov }, true);
+  }
+
+  /**
+   * Culls for a picture of this size from this camera, and for nothing else until `endOther`. The set is
+   * there once the display is settled. Returns whether there is a link.
+   */
+  beginOther(camera: Camera, size: Size): boolean {
+    const { display } = this;
+    if (display === undefined || display.isOver) {
+      return false;
+    }
+    this.#other = size;
+    display.change(this.#sampling());
+    display.publish(camera, false);
+    return true;
+  }
+
+  /** Culls for the canvas again. */
+  endOther(): void {
+    this.#other = undefined;
+    this.display?.change(this.#sampling());
+    this.#isMoved = true;
+    this.redraw();
   }
 
   /** Draws at once, and finely. The canvas can be read until this task ends. */
@@ -296,7 +350,8 @@ export class Viewer {
     const sections = led?.sections ?? own.sections;
     const seeThrough = led ? (led.seeThrough ?? this.#modelSeeThrough) : own.seeThrough;
     const areGhosts = hasGhosts({ seeThrough }, this.scene.objects, this.#modelSeeThrough);
-    return { sections, seeThrough, areGhosts, highlighted: this.selected.peek() };
+    const [highlighted, colours] = [this.selected.peek(), this.#colours.peek()];
+    return { sections, seeThrough, areGhosts, highlighted, colours };
   }
 
   /** The settings of a session. */
@@ -319,6 +374,11 @@ export class Viewer {
 
   /** The resolution of culling. */
   #sampling(): Pick<ViewState, "pictureSize" | "levelRule"> {
+    if (this.#other !== undefined) {
+      const { width, height } = this.#other;
+      const levelRule = { epsilon: this.epsilon.value, fewPixels: false };
+      return { pictureSize: { width, height }, levelRule };
+    }
     return sampling(this.canvas, this.epsilon.value, this.#isCoarse, this.#most);
   }
 
@@ -330,10 +390,21 @@ export class Viewer {
   #camera(wider: number): Camera {
     const { eye, orientation } = this.navigator;
     const tanHalfFov = this.navigator.tanHalfFov * wider;
+    return { eye, orientation, tanHalfFov, near: this.#near, frame: 0, viewState: 0 };
+  }
+
+  get #near(): number {
+    const { scene, navigator } = this;
+    const { clearance } = scene;
     // Nothing is nearer to a walking eye. In other modes the eye may approach a bolt.
-    const { clearance } = this.scene;
-    const near = Math.min(clearance / 2, Math.max(clearance / 200, this.navigator.reach / 8));
-    return { eye, orientation, tanHalfFov, near, frame: 0, viewState: 0 };
+    const near = Math.min(clearance / 2, Math.max(clearance / 200, navigator.reach / 8));
+    if (navigator.projection.peek() === "perspective") {
+      return near;
+    }
+    // Depth of some devices is coarse far beyond the near plane. The eye is far before the whole model.
+    const { eye, forward } = navigator;
+    const front = pointOf((axis) => scene[forward[axis] > 0 ? "min" : "max"][axis] - eye[axis]);
+    return Math.max(near, dot(front, forward) / 2);
   }
 
   #picture(now: number): void {
@@ -354,7 +425,8 @@ export class Viewer {
       this.#isFitted = isLed;
       this.#resize();
     }
-    if (this.#isMoved && display.leader === undefined && !display.isOver && now - this.#published >= PERIOD) {
+    const isOwn = display.leader === undefined && this.#other === undefined;
+    if (this.#isMoved && isOwn && !display.isOver && now - this.#published >= PERIOD) {
       // The set arrives when the eye has reached the predicted pose. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       this.#coarsen(foreseen !== undefined);
@@ -378,7 +450,7 @@ export class Viewer {
         overlay(camera, drawables);
       }
     } else if (now - this.#rested > REST) {
-      this.renderer.refine();
+      this.renderer.refine(true);
     }
     this.hand.follow(hasMoved);
   }
@@ -425,7 +497,11 @@ export class Viewer {
 
 /** The service has another model now: reloads the page, discarding the state of the old one. */
 function beginAnew(): void {
-  sessionStorage.setItem(OTHER_SCENE, "yes");
+  try {
+    sessionStorage.setItem(OTHER_SCENE, "yes");
+  } catch {
+    // The person is not told then.
+  }
   if (location.hash.startsWith("#v=")) {
     history.replaceState(null, "", location.pathname + location.search);
   }

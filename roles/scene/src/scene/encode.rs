@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use trimaran_proto::ObjectSet;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION, WITHOUT_COORDINATES};
 use super::{Drawable, Extent, Geometry, Node, Overview, SceneArrays, SceneError, hierarchy_bytes};
 
 /// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
@@ -43,12 +43,14 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     set_nodes(&mut arrays);
     set_extents(&mut arrays)?;
     let hierarchy = hierarchy_bytes::encode(&arrays)?;
-    let SceneArrays { nodes, drawables, geometries, objects, names, sources, see_through, .. } = arrays;
+    let SceneArrays {
+        nodes, drawables, geometries, objects, names, sources, see_through, coordinates, ..
+    } = arrays;
     let (places, geometry) = place(geometries)?;
     let sources = encode_sources(&sources, &see_through);
     let mut header = Header {
         magic: MAGIC,
-        version: VERSION,
+        version: if coordinates.are_usual() { WITHOUT_COORDINATES } else { VERSION },
         pages: 0,
         file_length: 0,
         directory: 0,
@@ -75,6 +77,9 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     let texts = [names.as_bytes(), &sources, &hierarchy];
     let sections = [Section::Names, Section::Sources, Section::Hierarchy];
     pages.add(texts.into_iter().zip(sections).map(|(text, section)| Page::packed(text, section)));
+    if header.has_coordinates() {
+        pages.add([Page::packed(&coordinates.encode(), Section::Coordinates)]);
+    }
     pages.add(geometry);
     count("pages", pages.directory.len())?;
     Ok(pages.end(&mut header).0)

@@ -13,9 +13,9 @@ use trimaran_proto::SceneOutline;
 use zstd::bulk::Decompressor;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION, VERSIONS};
 use super::source::Source;
-use super::{OpenError, Overview, ReadCause, ReadError, SceneError, encode};
+use super::{Coordinates, OpenError, Overview, ReadCause, ReadError, SceneError, encode};
 
 /// An open file whose header and directory are checked.
 #[derive(Debug)]
@@ -125,6 +125,16 @@ impl SceneFile {
         }
     }
 
+    /// The coordinates that people know, of a file with this many sources; the usual ones if it has none.
+    pub(super) fn coordinates(&self, sources: usize) -> Result<Coordinates, ReadError> {
+        if !self.header.has_coordinates() {
+            return Ok(Coordinates::default());
+        }
+        let bytes = self.unpack(Section::Coordinates, 0, &(0..0))?;
+        let damaged = || self.error(Section::Coordinates, 0, &(0..0), ReadCause::Damaged);
+        Coordinates::decode(&bytes, sources).ok_or_else(damaged)
+    }
+
     /// The overview, if it has one.
     pub(super) fn overview(&self) -> Result<Option<Overview>, ReadError> {
         if self.header.overviews == 0 {
@@ -195,9 +205,11 @@ impl SceneFile {
         let entry = self.entry(section, page);
         let start = entry.offset;
         let what = match section {
-            Section::Names | Section::Sources | Section::Hierarchy | Section::Overview => {
-                section.name().to_owned()
-            }
+            Section::Names
+            | Section::Sources
+            | Section::Hierarchy
+            | Section::Coordinates
+            | Section::Overview => section.name().to_owned(),
             _ if records.len() == 1 => format!("{} {}", section.name(), records.start),
             _ => format!("{} {} to {}", section.name(), records.start, records.end.saturating_sub(1)),
         };
@@ -302,7 +314,7 @@ fn parse_header(bytes: &[u8], length: u64, path: &Path) -> Result<Header, OpenEr
     let version = bytes.get(8..12).and_then(|v| v.try_into().ok()).map(u32::from_le_bytes);
     match version {
         None => return Err(cut_short),
-        Some(VERSION) => {}
+        Some(found) if VERSIONS.contains(&found) => {}
         Some(found) => return Err(OpenError::Version { path: path(), found, known: VERSION }),
     }
     let Ok(header) = bytemuck::try_pod_read_unaligned::<Header>(bytes) else {

@@ -5,7 +5,7 @@ use std::{ops::Range, sync::Arc};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::SceneError;
+use super::{Level, Scene, SceneError};
 
 /// The groups of a scene's objects, and the attributes of both.
 ///
@@ -78,6 +78,26 @@ impl Extent {
         let (min, max) = (DVec3::from_array(self.min), DVec3::from_array(self.max));
         let min = min.min(DVec3::from_array(other.min)).to_array();
         Self { min, max: max.max(DVec3::from_array(other.max)).to_array(), triangles }
+    }
+}
+
+impl Scene {
+    /// The extent of an object: of all nodes below its own. Parts that cannot be read are left out, which
+    /// [`reading`](Self::reading) tells.
+    #[must_use]
+    pub fn extent(&self, object: u32) -> Extent {
+        let nodes = self.nodes();
+        let mut extent = Extent::default();
+        let mut open: Vec<u32> = self.objects().get(object as usize).map(|of| of.node).into_iter().collect();
+        while let Some(node) = open.pop().and_then(|id| nodes.get(id as usize)) {
+            let finest = self.levels(node).next().filter(|_| node.is_leaf());
+            let pieces = finest.into_iter().flat_map(Level::pieces);
+            let pieces = pieces.filter_map(|id| self.drawables().get(id.index()));
+            let triangles = pieces.map(|drawable| u64::from(drawable.triangles)).sum();
+            extent = extent.and(&Extent { min: node.world_min, max: node.world_max, triangles });
+            open.extend(node.children());
+        }
+        extent
     }
 }
 

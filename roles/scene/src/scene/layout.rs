@@ -12,13 +12,14 @@
 //! | 5 | all objects' names, one page | zstd |
 //! | 6 | the sources' names, one page, behind the see-through objects | zstd |
 //! | 7 | the hierarchy of objects and their attributes, one page | postcard, then zstd |
-//! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece, then zstd |
-//! | 9 | the overview, one page or none | postcard, then zstd |
+//! | 8 | the coordinates of plant and files, one page; none in format 8 | postcard, then zstd |
+//! | 9 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece, then zstd |
+//! | 10 | the overview, one page or none | postcard, then zstd |
 //!
 //! The directory has the BLAKE3 hash of each page as it lies in the file. The fingerprint is the BLAKE3 hash
 //! of header and directory. So a reader that trusts the fingerprint can check any page alone.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use bytemuck::{Pod, Zeroable};
 use trimaran_proto::SceneHash;
@@ -28,8 +29,13 @@ use super::{Drawable, Node, ObjectRecord};
 
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
-/// The format that this build reads and writes.
-pub const VERSION: u32 = 8;
+/// The newest format that this build reads and writes.
+pub const VERSION: u32 = 9;
+/// The format without coordinates, which this build reads as well. It also writes it where they are the usual
+/// ones, so that builds that know no other format read the scene.
+pub(super) const WITHOUT_COORDINATES: u32 = 8;
+/// The formats that this build reads.
+pub const VERSIONS: RangeInclusive<u32> = WITHOUT_COORDINATES..=VERSION;
 /// The largest ratio of a page's unpacked to its packed bytes. It keeps a small file from requesting much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;
@@ -137,12 +143,13 @@ pub(super) enum Section {
     Names,
     Sources,
     Hierarchy,
+    Coordinates,
     Geometry,
     Overview,
 }
 
 impl Section {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Nodes,
         Self::Drawables,
         Self::Places,
@@ -150,6 +157,7 @@ impl Section {
         Self::Names,
         Self::Sources,
         Self::Hierarchy,
+        Self::Coordinates,
         Self::Geometry,
         Self::Overview,
     ];
@@ -176,7 +184,7 @@ impl Section {
     pub(super) const fn most_unpacked(self, length: usize) -> usize {
         let most = LARGEST_RATIO * length;
         match self {
-            Self::Names | Self::Sources | Self::Hierarchy | Self::Overview => {
+            Self::Names | Self::Sources | Self::Hierarchy | Self::Coordinates | Self::Overview => {
                 let text = LARGEST_TEXT_RATIO * length;
                 let text = if text > FREE_TEXT { text } else { FREE_TEXT };
                 if most < text { most } else { text }
@@ -188,7 +196,9 @@ impl Section {
     /// The least bytes of a page that unpacks to this many.
     pub(super) const fn least_packed(self, unpacked: usize) -> usize {
         match self {
-            Self::Names | Self::Sources | Self::Hierarchy | Self::Overview if unpacked > FREE_TEXT => {
+            Self::Names | Self::Sources | Self::Hierarchy | Self::Coordinates | Self::Overview
+                if unpacked > FREE_TEXT =>
+            {
                 unpacked.div_ceil(LARGEST_TEXT_RATIO)
             }
             _ => unpacked.div_ceil(LARGEST_RATIO),
@@ -205,6 +215,7 @@ impl Section {
             Self::Names => "names",
             Self::Sources => "names of sources",
             Self::Hierarchy => "hierarchy",
+            Self::Coordinates => "coordinates",
             Self::Geometry => "geometry",
             Self::Overview => "overview",
         }
@@ -212,6 +223,11 @@ impl Section {
 }
 
 impl Header {
+    /// Whether the file says which coordinates people know.
+    pub(super) const fn has_coordinates(&self) -> bool {
+        self.version > WITHOUT_COORDINATES
+    }
+
     /// The pages of a section.
     pub(super) fn pages(&self, section: Section) -> Range<usize> {
         let mut first = 0;
@@ -222,6 +238,7 @@ impl Header {
                 Section::Places => of.pages(self.geometries),
                 Section::Objects => of.pages(self.objects),
                 Section::Names | Section::Sources | Section::Hierarchy => 1,
+                Section::Coordinates => usize::from(self.has_coordinates()),
                 Section::Geometry => {
                     (self.pages.saturating_sub(self.overviews) as usize).saturating_sub(first)
                 }

@@ -1,5 +1,6 @@
 //! The cooked scene, shared by all roles, in memory or in a file, loaded on demand.
 
+mod coordinates;
 mod encode;
 mod entries;
 mod faults;
@@ -10,6 +11,7 @@ mod given;
 mod hierarchy;
 mod hierarchy_bytes;
 mod layout;
+mod levels;
 mod open_error;
 mod overview;
 mod read_error;
@@ -27,6 +29,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::{DrawableId, ObjectSet, SceneHash};
 
+pub use coordinates::{Coordinates, FileFrame, PlantFrame, UpAxis};
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 use faults::Faults;
 pub use file::SaveError;
@@ -37,7 +40,8 @@ use given::Given;
 pub use given::{DrawableEntry, GiveError};
 pub use hierarchy::{Attribute, Extent, Group, Hierarchy, ObjectAttributes};
 use layout::{Firsts, Section};
-pub use layout::{Totals, VERSION as FORMAT_VERSION};
+pub use layout::{Totals, VERSION as FORMAT_VERSION, VERSIONS as FORMAT_VERSIONS};
+pub use levels::{GroupLevel, GroupLevelError};
 pub use open_error::OpenError;
 pub use overview::{Bounds, Overview};
 pub use read_error::{ReadCause, ReadError};
@@ -341,6 +345,15 @@ impl Scene {
         Ok(hierarchy)
     }
 
+    /// The coordinates that people know: of the plant, and of the source files. A scene that says nothing of
+    /// them has those of glTF: x is east, -z north and y up. It is read anew each time.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn coordinates(&self) -> Result<Coordinates, ReadError> {
+        self.file.coordinates(self.sources.len())
+    }
+
     /// A drawable's triangles, in its node's local frame. None if they cannot be read, which
     /// [`reading`](Self::reading) tells.
     pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
@@ -444,7 +457,7 @@ impl Scene {
         let _ = (0..self.objects().len() as u32).all(|object| self.object_name(object).is_some());
         match self.fault() {
             Some(fault) => Err(fault.clone()),
-            None => self.hierarchy().and(self.stored_overview()).map(drop),
+            None => self.hierarchy().and(self.coordinates()).and(self.stored_overview()).map(drop),
         }
     }
 

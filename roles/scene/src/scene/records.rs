@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_proto::{DrawableId, ObjectSet};
 
-use super::{Geometry, Hierarchy, Normal};
+use super::{Coordinates, Geometry, Hierarchy, Normal};
 
 /// An sRGB colour with straight alpha, 8 bits a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
@@ -347,6 +347,8 @@ pub struct SceneArrays {
     pub see_through: ObjectSet,
     /// The grouping of the objects, and their attributes.
     pub hierarchy: Hierarchy,
+    /// The coordinates that people know.
+    pub coordinates: Coordinates,
 }
 
 #[cfg(test)]

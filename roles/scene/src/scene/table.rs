@@ -236,6 +236,7 @@ fn load(scene: &Scene, page: PageNumber) -> Result<(), ReadError> {
             Section::Names
             | Section::Sources
             | Section::Hierarchy
+            | Section::Coordinates
             | Section::Geometry
             | Section::Overview => None,
         };

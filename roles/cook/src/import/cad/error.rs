@@ -1,4 +1,4 @@
-//! Why a STEP or IGES file could not be imported.
+//! Why a STEP, IGES or IFC file could not be imported.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,25 +6,43 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use super::Engine;
 use crate::import::GltfError;
 
-/// An error of the conversion of a STEP or IGES file.
+/// An error of the conversion of a STEP, IGES or IFC file.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CadError {
     /// The program is not there.
     #[error(
-        "STEP and IGES are read by the program trimaran-occt, which is not here: build it from Trimaran's \
-         sources with `./x occt`, or name it in TRIMARAN_OCCT; or convert the file to glTF, as with FreeCAD"
+        "{} are read by the program {}, which is not here: make it from Trimaran's sources with `{}`, or \
+         name it in {}; or convert the file to glTF, as with {}",
+        engine.formats(), engine.program(), engine.recipe(), engine.variable(), engine.alternative()
     )]
-    NoConverter,
+    NoConverter {
+        /// Its engine.
+        engine: Engine,
+    },
     /// The program cannot be started.
-    #[error("cannot start {program}, which converts STEP and IGES: {source}; build it again with `./x occt`")]
+    #[error(
+        "cannot start {program}, which converts {}: {source}; make it again with `{}`",
+        engine.formats(), engine.recipe()
+    )]
     Start {
         /// The program.
         program: PathBuf,
+        /// Its engine.
+        engine: Engine,
         /// The system's error.
         source: io::Error,
+    },
+    /// The program cannot load its engine: a module or a library is not there.
+    #[error("{} cannot load its engine: {said}; make it again with `{}`", engine.program(), engine.recipe())]
+    NoEngine {
+        /// The engine.
+        engine: Engine,
+        /// The program's own words.
+        said: String,
     },
     /// The temporary folder cannot be used.
     #[error("cannot use the temporary folder: {0}; make room there, or name another folder in TMPDIR")]
@@ -47,9 +65,12 @@ pub enum CadError {
     /// The program crashed.
     #[error(
         "its conversion crashed ({status}); the file may be damaged, or the memory full: export it again, or \
-         convert it to glTF with another program, as with FreeCAD"
+         convert it to glTF with another program, as with {}",
+        engine.alternative()
     )]
     Crashed {
+        /// The program's engine.
+        engine: Engine,
         /// The exit status or the signal.
         status: String,
     },

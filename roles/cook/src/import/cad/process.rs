@@ -6,12 +6,15 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use super::CadError;
+use super::{CadError, Engine};
 
 /// The exit code for a file that cannot be read.
 const REFUSED: i32 = 2;
 /// The exit code where the memory does not suffice.
 const NO_MEMORY: i32 = 3;
+/// The exit codes where the engine cannot be loaded. They are the program's own, and those of the system's
+/// loader and shell for a library or a program that is not there.
+const NO_ENGINE: [i32; 3] = [4, 126, 127];
 /// How much is kept of standard error, bytes.
 const MOST_SAID: u64 = 1_000;
 
@@ -19,6 +22,7 @@ const MOST_SAID: u64 = 1_000;
 /// error.
 pub(super) fn run(
     command: &mut Command,
+    engine: Engine,
     timeout: Duration,
     memory: u64,
     mut line: impl FnMut(&str),
@@ -26,7 +30,7 @@ pub(super) fn run(
     let files = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let started = files.spawn();
     let program = command.get_program().into();
-    let mut running = Running(started.map_err(|source| CadError::Start { program, source })?);
+    let mut running = Running(started.map_err(|source| CadError::Start { program, engine, source })?);
     let (out, errors) = (running.0.stdout.take(), running.0.stderr.take());
     let (sender, lines) = mpsc::channel();
     let printed = thread::spawn(move || {
@@ -59,15 +63,16 @@ pub(super) fn run(
     let status = running.0.wait().map_err(CadError::Folder)?;
     let _printed = printed.join();
     let said = said.join().unwrap_or_default();
-    outcome(status, said, memory)
+    outcome(engine, status, said, memory)
 }
 
-fn outcome(status: ExitStatus, said: String, memory: u64) -> Result<(), CadError> {
+fn outcome(engine: Engine, status: ExitStatus, said: String, memory: u64) -> Result<(), CadError> {
     match status.code() {
         Some(0) => Ok(()),
         Some(REFUSED) => Err(CadError::Refused { said }),
         Some(NO_MEMORY) => Err(CadError::Memory { limit: memory }),
-        _ => Err(CadError::Crashed { status: status.to_string() }),
+        Some(code) if NO_ENGINE.contains(&code) => Err(CadError::NoEngine { engine, said }),
+        _ => Err(CadError::Crashed { engine, status: status.to_string() }),
     }
 }
 

@@ -45,7 +45,7 @@ use super::budget::Budget;
 use super::hierarchy::groups;
 use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
-use super::{ImportOptions, Part, UpAxis};
+use super::{Format, ImportOptions, Part};
 use crate::lists::{at, put};
 use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
@@ -117,7 +117,7 @@ pub(super) fn import(
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     let (placements, branches) =
-        nodes::place(&document, &accessors, budget, &mut faults, options.file_to_world(UpAxis::Y))?;
+        nodes::place(&document, &accessors, budget, &mut faults, options.frame_of(Format::Gltf).to_scene())?;
     let (shapes, numbers) = shapes(&document, &placements);
     let materials = materials(&document, &shapes);
     let materials = materials.iter().filter_map(|&index| document.materials.get(index as usize));

@@ -13,7 +13,6 @@ mod tints;
 
 use std::path::Path;
 
-use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
 use self::faults::Faults;
@@ -21,7 +20,7 @@ use super::budget::Budget;
 use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
 use super::text::{self, NotText};
-use super::{ImportOptions, OverBudget, Part, UpAxis};
+use super::{Format, ImportOptions, OverBudget, Part};
 use crate::Model;
 
 /// An error in an OBJ file, and its place.
@@ -56,8 +55,7 @@ pub(super) fn import(
     part.report.warn(WarningKind::PointsOrLines, parsed.points_or_lines);
     libraries.report(&mut part.report);
 
-    let file_to_world =
-        options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
+    let file_to_world = options.frame_of(Format::Obj).to_scene();
     assemble::assemble(parsed, &file_to_world, budget, &mut faults, &mut part)?;
     match faults.first().filter(|_| part.model.objects.is_empty()) {
         // Text may contain zeros; a file with zeros and nothing usable is not text.
@@ -72,7 +70,8 @@ pub(super) fn import(
 
 #[cfg(test)]
 mod tests {
-    use trimaran_scene::Rgba8;
+    use glam::DVec3;
+    use trimaran_scene::{Rgba8, UpAxis};
 
     use super::*;
 

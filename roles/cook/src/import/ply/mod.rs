@@ -8,7 +8,6 @@ mod header;
 mod rows;
 mod shape;
 
-use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
 use self::header::Header;
@@ -17,7 +16,7 @@ use self::shape::Shape;
 use super::assemble::{centred, draws_nothing, place_own};
 use super::budget::Budget;
 use super::report::{ImportReport, WarningKind};
-use super::{FilePosition, ImportOptions, OverBudget, Part, UpAxis};
+use super::{FilePosition, Format, ImportOptions, OverBudget, Part};
 use crate::Model;
 
 /// An error in a PLY file, and its place.
@@ -85,8 +84,7 @@ pub(super) fn import(
 ) -> Result<Part, PlyError> {
     let header = Header::read(bytes)?;
     let mut values = Values::of(bytes, &header);
-    let unit = DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
-    let mut shape = Shape::new(&header, options.file_to_world(UpAxis::Z) * unit)?;
+    let mut shape = Shape::new(&header, options.frame_of(Format::Ply).to_scene())?;
     for element in &header.elements {
         shape.read(element, &mut values)?;
     }

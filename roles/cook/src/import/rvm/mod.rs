@@ -40,9 +40,9 @@ use super::assemble::{bounds, centred, draws_nothing, is_in_reach, place_own};
 use super::budget::{Budget, OverBudget};
 use super::hierarchy::{self, Branch};
 use super::report::WarningKind;
-use super::{FilePosition, Format, ImportOptions, Part, UpAxis};
+use super::{FilePosition, Format, ImportOptions, Part};
 use crate::{Mesh, Model};
-use trimaran_scene::ObjectAttributes;
+use trimaran_scene::{FileFrame, ObjectAttributes};
 
 /// Whether a file that begins with these bytes is a review file, of either form.
 pub(super) fn is_review_file(start: &[u8]) -> bool {
@@ -50,8 +50,8 @@ pub(super) fn is_review_file(start: &[u8]) -> bool {
     start.starts_with(&chunks::MAGIC) || text::is_text(start)
 }
 
-/// The usual metres per unit: a file's matrices take millimetres to metres.
-const USUAL_UNIT: f64 = 1e-3;
+/// The metres per unit that a file's matrices assume.
+pub(super) const USUAL_UNIT: f64 = 1e-3;
 
 /// Reads an RVM file of either form. `source_index` of its objects is the running number of the group among
 /// all groups of the file, in the order in which they open; groups without primitives count too.
@@ -68,9 +68,11 @@ pub(super) fn import(
         Some(path) => beside::attributes_of(path, encoding, budget, &mut report)?,
         None => None,
     };
-    let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
+    let file = options.frame_of(Format::Rvm);
+    // Matrices make metres of millimetres, so of the unit only the difference counts.
+    let scale = file.metres_per_unit.map(|unit| unit / USUAL_UNIT);
     let frame = Frame {
-        file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
+        file_to_world: FileFrame { metres_per_unit: scale, ..file }.to_scene(),
         chord_tolerance: options.chord_tolerance,
         budget,
     };

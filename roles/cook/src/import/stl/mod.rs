@@ -17,14 +17,11 @@ use super::left_out::LeftOut;
 use super::polygon::Triangulator;
 use super::report::{ImportReport, WarningKind};
 use super::text::NotText;
-use super::{ImportOptions, OverBudget, Part, UpAxis};
+use super::{Format, ImportOptions, OverBudget, Part};
 use crate::Model;
 use trimaran_scene::Rgba8;
 
 pub(super) use self::binary::is_stl;
-
-/// The usual metres per unit.
-const USUAL_UNIT: f64 = 1e-3;
 
 /// An error in an STL file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -66,13 +63,12 @@ pub(super) fn import(
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<Part, StlError> {
-    let unit = DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(USUAL_UNIT)));
     let mut solids = Solids {
         part: Part { model: Model::default(), report: ImportReport::default() },
         faces: LeftOut::default(),
         statements: LeftOut::default(),
         triangulator: Triangulator::default(),
-        to_world: options.file_to_world(UpAxis::Z) * unit,
+        to_world: options.frame_of(Format::Stl).to_scene(),
         stem,
         budget,
         count: 0,

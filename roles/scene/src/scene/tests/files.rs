@@ -34,6 +34,57 @@ fn a_saved_scene_opens_as_it_was() {
 }
 
 #[test]
+fn coordinates_are_in_the_newest_format_and_the_usual_ones_in_the_one_before() {
+    let version = |bytes: &[u8]| u32::from_le_bytes(*bytes[8..].first_chunk().unwrap());
+    let (_folder, path, bytes) = saved(two_leaves());
+    assert_eq!(version(&bytes), *FORMAT_VERSIONS.start());
+    assert_eq!(Scene::open(&path).unwrap().coordinates().unwrap(), Coordinates::default());
+    // Files that are like glTF say nothing new.
+    let usual = Coordinates { files: vec![FileFrame::default()], ..Coordinates::default() };
+    assert!(encoded(SceneArrays { coordinates: usual, ..two_leaves() }) == encoded(two_leaves()));
+
+    let arrays = SceneArrays { coordinates: elsewhere(), ..two_leaves() };
+    let (_folder, path, bytes) = saved(arrays.clone());
+    assert_eq!(version(&bytes), *FORMAT_VERSIONS.end());
+    let scene = Scene::open(&path).unwrap();
+    scene.check().unwrap();
+    assert_eq!(scene.coordinates().unwrap(), elsewhere());
+    assert_eq!(scene.geometry(0).unwrap(), arrays.geometries[0]);
+    // An overview stands behind them.
+    let with_overview = Scene::from_arrays(arrays).unwrap().with_overview();
+    with_overview.check().unwrap();
+    assert_eq!(with_overview.coordinates().unwrap(), elsewhere());
+    // A display over a link has none.
+    assert_eq!(Scene::empty(scene.outline()).coordinates().unwrap(), Coordinates::default());
+}
+
+#[test]
+fn damaged_or_senseless_coordinates_are_an_error_once_they_are_asked_for() {
+    let file = || Apart::of(SceneArrays { coordinates: elsewhere(), ..two_leaves() });
+    let mut damaged = file();
+    let page = damaged.number(Section::Coordinates, 0);
+    let range = damaged.range(Section::Coordinates, 0);
+    let mut senseless = file();
+    let mut bytes = senseless.records::<u8>(Section::Coordinates, 0);
+    bytes[..8].fill(0xff);
+    senseless.replace(Section::Coordinates, 0, &bytes);
+    damaged.pages[page][3] ^= 1;
+    damaged.lay_out();
+    // Its hash is still that of the right bytes.
+    damaged.header.seal(&damaged.directory);
+    let directory = bytemuck::cast_slice(&damaged.directory);
+    let damaged = [bytemuck::bytes_of(&damaged.header), &damaged.pages.concat(), directory].concat();
+    for bytes in [damaged, senseless.bytes()] {
+        let scene = opened(&bytes).unwrap();
+        let error = scene.coordinates().unwrap_err();
+        assert!(matches!(error.cause, ReadCause::Damaged), "{error}");
+        assert_eq!((error.bytes.start, error.what.as_str()), (range.start, "coordinates"));
+        assert_eq!(scene.check().unwrap_err().what, "coordinates");
+        assert!(scene.fault().is_none(), "nothing else is wrong");
+    }
+}
+
+#[test]
 fn an_older_scene_is_replaced_whole_while_it_is_open() {
     let (_folder, path, _) = saved(two_leaves());
     let old = Scene::open(&path).unwrap();
@@ -63,7 +114,7 @@ fn the_same_arrays_make_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn the_fingerprint_changes_with_every_record_vertex_and_name() {
     type Change = fn(&mut SceneArrays);
-    let changes: [Change; 13] = [
+    let changes: [Change; 15] = [
         |_| (),
         |a| a.nodes[2].world_min[2] = -0.0,
         |a| a.nodes[1].linear[4] = 0.5,
@@ -77,6 +128,8 @@ fn the_fingerprint_changes_with_every_record_vertex_and_name() {
         |a| a.objects[0].source_index = 5,
         |a| a.names = "Röhry".to_owned(),
         |a| a.sources[0].push('x'),
+        |a| a.coordinates.plant.origin[1] = 0.001,
+        |a| a.coordinates = elsewhere(),
     ];
     let hashes: Vec<_> = changes
         .iter()

@@ -65,11 +65,20 @@ fn two_leaves() -> SceneArrays {
             groups: vec![group("a.RVM", None, 0..2), group("/ZONE", Some(0), 1..2)],
             attributes: vec![ObjectAttributes { object: 1, attributes: vec![tag()] }],
         },
+        coordinates: Coordinates::default(),
     }
 }
 
 fn group(name: &str, parent: Option<u32>, objects: Range<u32>) -> Group {
     Group { name: name.into(), parent, objects, attributes: vec![tag()], extent: Extent::default() }
+}
+
+/// The scene's one file has z up and millimetres, and its plant is far away.
+fn elsewhere() -> Coordinates {
+    Coordinates {
+        plant: PlantFrame { origin: [432_100.25, 6_789_012.5, 17.0], north_deg: -32.5 },
+        files: vec![FileFrame { up: UpAxis::Z, metres_per_unit: Some(0.001) }],
+    }
 }
 
 fn tag() -> Attribute {

@@ -1,0 +1,7 @@
+/** Sizes of pictures. */
+
+/** Pixels. */
+export interface Size {
+  readonly width: number;
+  readonly height: number;
+}
