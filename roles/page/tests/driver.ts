@@ -17,7 +17,7 @@ declare global {
     /** How often the page was to be printed. */
     prints?: number;
     /** Lets the time pass for which messages and marks are shown. */
-    pass?: () => void;
+    pass?: () => Promise<void>;
   }
 }
 
@@ -671,7 +671,11 @@ function holdTimers(): void {
       held.delete(timer ?? 0);
       stop(timer);
     },
-    pass() {
+    async pass() {
+      // A text may be read before the timer that ends it is set.
+      while (held.size === 0) {
+        await new Promise((resolve) => start(resolve, 20));
+      }
       for (const run of held.values()) {
         run();
       }
