@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use trimaran_scene::Scene;
 
-use super::controls::state;
+use super::controls::{said, state};
 use crate::common::house::{RISE, STEPS, house};
 use crate::common::page::{Browser, Difference, Service, difference};
 use crate::common::program::Bench;
@@ -54,6 +54,35 @@ fn a_wall_stops_who_walks_and_stairs_lead_up() {
     browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 1500 }));
     let [_, y, _] = eye(&mut browser);
     assert!((y - 1.7).abs() < 0.05, "it falls to the floor: {y}");
+}
+
+#[test]
+fn who_walks_where_no_floor_is_below_is_told_once() {
+    let bench = Bench::empty();
+    bench.write("house.obj", house());
+    bench.done(&["import", "house.obj", "-o", "house.scene"]);
+    let Some((_service, mut browser)) = opened(&bench, "house.scene") else { return };
+    let stand = |browser: &mut Browser, at: [f64; 3]| {
+        browser.done(json!({ "do": "stand", "eye": at, "forward": [0, 0, -1] }));
+    };
+    for _ in 0..2 {
+        stand(&mut browser, [40.0, 1.7, 0.0]);
+        said(&mut browser, |text| text.starts_with("No floor below"));
+        browser.done(json!({ "do": "pass" }));
+        said(&mut browser, str::is_empty);
+        browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 500 }));
+        stand(&mut browser, [50.0, 3.0, 0.0]);
+        browser.done(json!({ "do": "wait", "milliseconds": 500 }));
+        assert_eq!(browser.done(json!({ "do": "status" })), "");
+        assert!((eye(&mut browser)[1] - 3.0).abs() < 0.01, "nobody falls for ever");
+        // On a floor, and then it is said again.
+        stand(&mut browser, [-5.0, 2.5, 0.0]);
+        let lands = (0..400).any(|_| {
+            browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+            eye(&mut browser)[1] < 1.75
+        });
+        assert!(lands, "{:?}", eye(&mut browser));
+    }
 }
 
 /// The page's picture at rest is exact.

@@ -117,11 +117,26 @@ test("without any ground nobody falls, and where it is not known yet nobody goes
   const nothing = world(() => []);
   const walk = new Walk([0, 1.7, 0], 1.7);
   walk.step(3, 0, 0, nothing);
-  assert.equal(walk.feet[1], 0);
+  assert.deepEqual([walk.feet[1], walk.isHovering], [0, true]);
   const edge: Solid = { cell: 0.1, column: (x) => (x < 1 ? Float64Array.from(FLOOR) : undefined) };
   const waits = person(edge);
   ahead(waits, 3, edge);
   assert.ok(waits.feet[0] < 1 && waits.feet[1] === 0, `${waits.feet}`);
+  assert.ok(!waits.isHovering);
+});
+
+test("who walks off the last floor hovers until there is a floor again", () => {
+  const solid = world((x) => (isIn(x, 1, 3) ? [] : FLOOR));
+  const walk = person(solid);
+  const unknown: Solid = { cell: 0.1, column: () => undefined };
+  ahead(walk, 1.5, solid);
+  assert.deepEqual([walk.isHovering, walk.feet[1]], [true, 0]);
+  // It is not forgotten where nothing is known yet, or the eye is put elsewhere.
+  walk.step(0.05, 0, 0, unknown);
+  walk.place(walk.eye);
+  assert.ok(walk.isHovering);
+  ahead(walk, 1.5, solid);
+  assert.ok(!walk.isHovering && walk.isStanding, `${walk.feet}`);
 });
 
 test("a jump is 40 cm high, and a ceiling ends it", () => {

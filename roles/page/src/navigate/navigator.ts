@@ -107,6 +107,8 @@ export class Navigator {
   #lens: number;
   /** Metres a second. */
   readonly speed = signal(0);
+  /** Whether the last known place of a walk had no floor below. */
+  readonly isHovering = signal(false);
   /** The places between which a person has jumped. */
   readonly history = new CameraHistory();
   /** The flight under way. */
@@ -408,6 +410,7 @@ export class Navigator {
     const [x, z] = this.#gaze.onGround(way * motion.ahead + ahead, way * motion.right + right);
     const isMoved = this.#walk.step(seconds, x, z, this.#ground);
     this.eye = this.#walk.eye;
+    this.isHovering.value = this.#walk.isHovering;
     return isMoved;
   }
 

@@ -21,6 +21,8 @@ export class Walk {
   /** Metres a second upwards. */
   #rise = 0;
   isStanding = false;
+  /** Whether there was no floor below when that was last known. */
+  isHovering = false;
   /** How far the eye is above its place over the feet. */
   #lag = 0;
   /** The body's size, relative to a person. */
@@ -97,6 +99,7 @@ export class Walk {
   /** Falls, or stands, or steps down. */
   #fall(seconds: number, solid: Solid): void {
     const ground = this.#groundBelow(this.feet, solid);
+    this.isHovering = ground === undefined ? this.isHovering : ground === Number.NEGATIVE_INFINITY;
     // Without any ground nobody falls for ever.
     if (ground === undefined || ground === Number.NEGATIVE_INFINITY) {
       [this.#rise, this.isStanding] = [0, ground !== undefined];

@@ -157,6 +157,12 @@ export class Viewer {
       this.#isMoved = true;
       this.redraw();
     });
+    // Once, until there was a floor again.
+    effect(() => {
+      if (this.navigator.isHovering.value) {
+        this.said.value = "No floor below: you hover. Fly (2) goes up and down.";
+      }
+    });
     effect(() => {
       const memory = this.memory.value;
       if (this.display !== undefined) {
