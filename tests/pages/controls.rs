@@ -185,6 +185,49 @@ fn pick_box(browser: &mut Browser) {
     becomes(browser, "a pick", |now| now["selected"] == json!([2]));
 }
 
+/// A thin pipe before the background, and a wall behind one half of it.
+const PIPE: [([f64; 3], [f64; 3]); 2] =
+    [([-1.0, 0.98, 0.0], [1.0, 1.02, 0.04]), ([0.05, 0.0, -1.0], [1.0, 2.0, -0.9])];
+
+/// The place so many pixels above the pipe's upper edge at `x`.
+fn above_the_pipe(browser: &mut Browser, x: f64, pixels: f64) -> [f64; 2] {
+    let place = browser.done(json!({ "do": "point", "point": [x, 1.02, 0.04] }));
+    [number(&place[0]), number(&place[1]) - pixels]
+}
+
+#[test]
+fn a_click_just_beside_an_object_picks_it_where_nothing_is_behind() {
+    let bench = Bench::empty();
+    let Some((_service, mut browser)) = opened(&bench, &PIPE, [1000, 600]) else { return };
+    press(&mut browser, "2");
+    browser.done(json!({ "do": "stand", "eye": [0.0, 1.0, 2.0], "forward": [0.0, 0.0, -1.0] }));
+    look(&mut browser);
+    for (x, pixels, picked) in [(-0.2, 3.0, json!([0])), (0.15, 3.0, json!([1])), (-0.2, 14.0, json!([]))] {
+        let [x, y] = above_the_pipe(&mut browser, x, pixels);
+        browser.done(json!({ "do": "click", "x": x, "y": y }));
+        becomes(&mut browser, "a pick beside the pipe", |now| now["selected"] == picked);
+    }
+}
+
+#[test]
+fn a_finger_need_not_meet_a_thin_pipe() {
+    let bench = Bench::empty();
+    bench.write("boxes.obj", boxes(&PIPE));
+    bench.done(&["import", "boxes.obj", "-o", "boxes.scene"]);
+    let Some(service) = Service::of(&bench, "boxes.scene", "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::with_touch(390, 844) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    press(&mut browser, "2");
+    browser.done(json!({ "do": "stand", "eye": [0.0, 1.0, 2.0], "forward": [0.0, 0.0, -1.0] }));
+    look(&mut browser);
+    for (pixels, picked) in [(6.0, json!([0])), (14.0, json!([]))] {
+        let [x, y] = above_the_pipe(&mut browser, -0.2, pixels);
+        browser.done(json!({ "do": "touch", "x": x, "y": y, "milliseconds": 60 }));
+        becomes(&mut browser, "a pick beside the pipe", |now| now["selected"] == picked);
+    }
+}
+
 #[test]
 fn escape_and_a_click_elsewhere_close_the_standard_views() {
     let bench = Bench::empty();

@@ -4,6 +4,7 @@ import type { Drawn } from "./batch.ts";
 import { canDrawOnCanvas } from "./canvasDepth.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
+import { leastOf, type Met, metIn } from "./met.ts";
 import { type Camera, type Drawable, type Look, type Mesh, PLAIN, type Triangles } from "./model.ts";
 import type { Region } from "./region.ts";
 import { isSmootherDue, loadSmoother } from "./smoothing.ts";
@@ -40,16 +41,15 @@ export interface Picked {
   readonly depth: number;
 }
 
-/** A covered pixel, counted from the upper left, and its distance along the view in metres. */
-export interface Met {
-  readonly x: number;
-  readonly y: number;
-  readonly depth: number;
+/** A drawn picture. */
+interface Picture {
+  readonly camera: Camera;
+  readonly drawables: readonly Drawable[];
+  readonly look: Look;
 }
 
 /** How long normals of round surfaces are made between two pictures of the screen, milliseconds. */
 const SMOOTHING = 12;
-const NONE = { item: NOTHING, depth: 0 };
 
 export class Renderer {
   readonly #canvas: HTMLCanvasElement;
@@ -59,9 +59,7 @@ export class Renderer {
   /** Nothing while the context is lost. */
   #device: Device | undefined;
   readonly #stats = { calls: 0, drawables: 0, triangles: 0, milliseconds: 0 };
-  #last:
-    | { readonly camera: Camera; readonly drawables: readonly Drawable[]; readonly look: Look }
-    | undefined;
+  #last: Picture | undefined;
   /** Refinement steps in the shown picture. */
   #steps = 0;
   readonly depth: Depth;
@@ -189,10 +187,8 @@ export class Renderer {
     if (this.#device === undefined || this.#last === undefined || !isInside) {
       return undefined;
     }
-    const { camera, drawables, look } = this.#last;
-    // See-through objects are picked only if nothing else is there.
-    const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
-    for (const candidates of look.seeThrough.isEmpty ? [drawables] : [opaque, drawables]) {
+    const { camera, look } = this.#last;
+    for (const candidates of candidatesOf(this.#last)) {
       const [met] = this.#device.around(camera, candidates, look, [column, row], 0);
       const drawable = candidates.find(({ id }) => id === met?.item);
       if (met !== undefined && drawable !== undefined) {
@@ -209,24 +205,34 @@ export class Renderer {
    * is background. See-through objects are ignored.
    */
   nearest(x: number, y: number, radius: number): Met | undefined {
-    if (this.#device === undefined || this.#last === undefined) {
-      return undefined;
-    }
-    const { camera, drawables, look } = this.#last;
-    const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
-    const [column, row] = [Math.floor(x), Math.floor(y)];
-    const pixels = this.#device.around(camera, opaque, look, [column, row], radius);
-    let found: Met | undefined;
-    for (let up = -radius; up <= radius; up += 1) {
-      for (let right = -radius; right <= radius; right += 1) {
-        const { item, depth } = pixels[(up + radius) * (2 * radius + 1) + right + radius] ?? NONE;
-        const isNearer = item !== NOTHING && (found === undefined || depth < found.depth);
-        if (isNearer && Math.hypot(right, up) <= radius) {
-          found = { x: column + right + 0.5, y: row - up + 0.5, depth };
-        }
+    const [opaque = []] = candidatesOf(this.#last);
+    return leastOf(this.#metAround(x, y, radius, opaque), ({ depth }) => depth);
+  }
+
+  /**
+   * The covered pixel nearest in the picture to one that is counted from the upper left, within a radius;
+   * nothing if all is background. See-through objects count only if nothing else is there.
+   */
+  nearby(x: number, y: number, radius: number): Met | undefined {
+    const middle = { x: Math.floor(x) + 0.5, y: Math.floor(y) + 0.5 };
+    const away = (met: Met) => Math.hypot(met.x - middle.x, met.y - middle.y);
+    for (const candidates of candidatesOf(this.#last)) {
+      const met = leastOf(this.#metAround(x, y, radius, candidates), away);
+      if (met !== undefined) {
+        return met;
       }
     }
-    return found;
+    return undefined;
+  }
+
+  /** The covered pixels within a radius of one that is counted from the upper left. */
+  #metAround(x: number, y: number, radius: number, drawables: readonly Drawable[]): readonly Met[] {
+    if (this.#device === undefined || this.#last === undefined) {
+      return [];
+    }
+    const { camera, look } = this.#last;
+    const [column, row] = [Math.floor(x), Math.floor(y)];
+    return metIn(this.#device.around(camera, drawables, look, [column, row], radius), column, row, radius);
   }
 
   /** The triangles of a piece of geometry in its local frame: positions, and three indices each. */
@@ -244,4 +250,16 @@ export class Renderer {
     const { samples, extensions } = this.#options;
     return new Device(this.#gl, { samples, extensions, isOnCanvas: this.#isOnCanvas });
   }
+}
+
+/** Those to look for a pick in, one after the other: see-through objects count only if nothing else is met. */
+function candidatesOf(picture: Picture | undefined): readonly (readonly Drawable[])[] {
+  if (picture === undefined) {
+    return [];
+  }
+  const { drawables, look } = picture;
+  const { seeThrough } = look;
+  return seeThrough.isEmpty
+    ? [drawables]
+    : [drawables.filter(({ object }) => !seeThrough.has(object)), drawables];
 }

@@ -13,6 +13,9 @@ import { atLevel, chosenLevel, keepLevel, type Level, levelsOf, parentOf } from 
 /** The longest time and motion of a click: milliseconds and CSS pixels. */
 const LONGEST = 400;
 const FARTHEST = 4;
+/** How near to an object a click on the background picks it, CSS pixels: with the pointer, and by touch. */
+const NEAR = 4;
+const NEAR_BY_TOUCH = 8;
 
 /** Identifies a part. */
 type PartKey = Pick<Part, "kind" | "id" | "first" | "end">;
@@ -166,21 +169,22 @@ export class Selection {
     });
   }
 
-  #click(event: MouseEvent): void {
-    const { offsetX: x, offsetY: y } = event;
-    if (this.#clicks(x, y)) {
+  #click(event: PointerEvent): void {
+    if (this.#clicks(event.offsetX, event.offsetY)) {
       return;
     }
     const viewer = this.#viewer;
-    const picked = viewer.pick(x, y);
-    if (picked === undefined) {
+    const reach = event.pointerType === "touch" ? NEAR_BY_TOUCH : NEAR;
+    const place = viewer.meant(event.offsetX, event.offsetY, reach);
+    const picked = place && viewer.pick(place.x, place.y);
+    if (place === undefined || picked === undefined) {
       // A missed click with a modifier keeps the picked parts.
       if (!(event.ctrlKey || event.metaKey || event.shiftKey)) {
         this.clear();
       }
       return;
     }
-    const meant = meantAt(viewer, x, y);
+    const meant = meantAt(viewer, place.x, place.y);
     if (picked.object !== undefined) {
       this.#clickObject(picked.object, meant, event);
     } else {

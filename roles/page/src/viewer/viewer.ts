@@ -245,6 +245,19 @@ export class Viewer {
   }
 
   /**
+   * The place of the canvas that a click there means, in CSS pixels: on the background, the nearest one with
+   * an object within `reach`. Nothing if there is none.
+   */
+  meant(x: number, y: number, reach: number): { readonly x: number; readonly y: number } | undefined {
+    if (this.pick(x, y) !== undefined) {
+      return { x, y };
+    }
+    const { scale } = this;
+    const met = this.renderer.nearby(x * scale, y * scale, Math.round(reach * scale));
+    return met && { x: met.x / scale, y: met.y / scale };
+  }
+
+  /**
    * The visible point of the world at a place of the canvas. At the background or a gap it is searched for
    * within `around` CSS pixels; nothing if all of that is background.
    */
