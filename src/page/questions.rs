@@ -8,7 +8,8 @@ use std::{
 use hyper::{Response, StatusCode, body::Bytes, header::HeaderName};
 use parking_lot::Mutex;
 use serde::Serialize;
-use trimaran_scene::{ReadError, Scene, heightfield::Heightfield};
+use trimaran_proto::ObjectSet;
+use trimaran_scene::{Bounds, ReadError, Scene, heightfield::Heightfield};
 
 use super::{
     clearance::Between,
@@ -48,6 +49,8 @@ pub(super) enum Question {
     Box {
         text: String,
     },
+    /// The box around most of these objects.
+    Bounds(ObjectSet),
     /// All parts that a query finds, as rows of a table.
     Rows {
         text: String,
@@ -171,6 +174,10 @@ impl Answers {
                 self.found(self.finder.objects(text, *from, is_given_up), json)?
             }
             Question::Box { text } => self.found(self.finder.bounds(text, is_given_up), json)?,
+            Question::Bounds(objects) => match self.bounds(objects) {
+                Ok(bounds) => json(Some(bounds)),
+                Err(fault) => self.unread(&fault),
+            },
             Question::Rows { text, from } => self.found(self.finder.rows(text, *from, is_given_up), table)?,
             Question::Attributes => self.found(self.finder.attributes(), json)?,
             Question::Classes { attribute, from } => match self.finder.classes(attribute, *from) {
@@ -208,6 +215,14 @@ impl Answers {
                 Err(fault) => self.unread(&fault),
             },
         })
+    }
+
+    /// The box around most of these objects.
+    fn bounds(&self, objects: &ObjectSet) -> Result<Bounds, ReadError> {
+        // A page can name numbers that no object has.
+        let end = self.scene.objects().len();
+        let known = objects.iter().take_while(|object| (*object as usize) < end);
+        self.scene.reading(|| Bounds::of_most(&self.scene, known))
     }
 
     /// The answer to a query, in its form; none if nobody waits for it.
@@ -259,8 +274,31 @@ fn json(answer: Option<impl Serialize>) -> Response<Body> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
+    use trimaran_cook::{
+        CookOptions, Model, cook,
+        generate::{PlantOptions, plant},
+    };
+
     use super::*;
     use crate::notes::{Guid, bcf::BcfVersion};
+
+    /// Soon, however many numbers a page sends.
+    #[test]
+    fn the_box_around_objects_is_that_of_those_in_the_scene() {
+        let model: Model = plant(&PlantOptions::small(7));
+        let scene = Arc::new(cook(&model, &CookOptions::default(), &()).unwrap());
+        let notes = NotesFolder::new(PathBuf::from("none"), false);
+        let answers = Answers::new(&scene, notes, 1.7).unwrap();
+        let bounds = |pairs: &str| answers.bounds(&serde_json::from_str(pairs).unwrap()).unwrap();
+        let two = Bounds::of_most(&scene, [2, 5]);
+        assert_eq!(bounds("[[2,0],[1,0]]"), two);
+        assert_eq!(bounds("[[2,0],[1,0],[4000000000,9]]"), two);
+        let all = Bounds::of_most(&scene, 0..scene.objects().len() as u32);
+        assert_eq!(bounds("[[0,4294967000]]"), all);
+        assert_ne!(two, all);
+    }
 
     #[test]
     fn questions_are_read_from_path_and_query() {

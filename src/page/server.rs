@@ -307,7 +307,7 @@ const OF_THE_SCENE: [&str; 22] = [
 ];
 
 /// Those to which a page posts.
-const POSTED: [&str; 5] = ["/drive", "/people", "/clash", "/notes", "/notes.bcf"];
+const POSTED: [&str; 6] = ["/drive", "/people", "/clash", "/box", "/notes", "/notes.bcf"];
 
 /// The bytes of an answer.
 pub(super) type Body = Full<Bytes>;
@@ -329,6 +329,8 @@ enum Answer {
     Bcf(Person),
     /// A page's request about its search for clashes.
     Clash,
+    /// A page's set of objects, for the box around them.
+    Bounds,
 }
 
 /// A link that is being opened.
@@ -408,6 +410,7 @@ impl Pages {
             Answer::Note(person) => self.take_note(asker, person, request, &*net).await,
             Answer::Bcf(person) => self.take_bcf(asker, person, request).await,
             Answer::Clash => self.clash(request, &net).await,
+            Answer::Bounds => self.bounds(asker, request).await,
         };
         response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
         Ok(response)
@@ -448,6 +451,7 @@ impl Pages {
             "/notes" if is_post => Answer::Note(person),
             "/notes.bcf" if is_post => Answer::Bcf(person),
             "/clash" if is_post => Answer::Clash,
+            "/box" if is_post => Answer::Bounds,
             "/link" => self.link(request, &asked, grant, net),
             "/scene" => {
                 tell_of(name.as_ref(), asked.peer);
@@ -522,6 +526,14 @@ impl Pages {
             Ok(answer) => file("application/json", answer.into()),
             Err(_) => plain(StatusCode::INTERNAL_SERVER_ERROR, "the answer cannot be written\n"),
         }
+    }
+
+    /// The box around objects: sets of many runs are too long for an address.
+    async fn bounds(&self, asker: Asker, request: Request<Incoming>) -> Response<Body> {
+        let Some(objects) = json(request, LONGEST_REQUEST).await else {
+            return plain(StatusCode::BAD_REQUEST, "that is no set of objects\n");
+        };
+        self.think(asker, Question::Bounds(objects)).await
     }
 
     /// Answers on a thread that may block, unlike those of links. Hyper drops this when the client goes away.

@@ -11,7 +11,7 @@ use std::{
 
 use serde_json::{Value, json};
 
-use super::controls::{ROOM, becomes, boxes, look, number, numbers, opened, press, said};
+use super::controls::{ROOM, becomes, boxes, goes, look, number, numbers, opened, press, said};
 use crate::common::page::{Browser, Service, skipped};
 use crate::common::program::Bench;
 
@@ -170,6 +170,44 @@ fn standard_views_show_the_model_from_its_sides_and_there_is_a_way_back() {
     press(&mut browser, "8");
     let eye = numbers(&looks_along(&mut browser, views[4].2)["eye"]);
     assert!((eye[0] + 2.5).abs() < 0.2 && (eye[2] + 3.5).abs() < 0.2 && eye[1] < 10.0, "above it: {eye:?}");
+}
+
+/// The floor is as wide as the model, and takes no room where it does not show.
+#[test]
+fn an_overview_is_of_what_is_shown() {
+    let bench = Bench::empty();
+    let Some((_service, mut browser)) = opened(&bench, &ROOM, [900, 700]) else { return };
+    press(&mut browser, "2");
+    let pick = |browser: &mut Browser, point: [f64; 3], object: u32| {
+        press(browser, "0");
+        looks_along(browser, ISO);
+        let place = browser.done(json!({ "do": "point", "point": point }));
+        browser.done(json!({ "do": "click", "x": place[0], "y": place[1] }));
+        becomes(browser, "a pick", |now| now["selected"] == json!([object]));
+    };
+    let all_of_it = |browser: &mut Browser| {
+        // In turn from a corner, from the present side, and from above.
+        for key in ["Home", "Shift+F", "8"] {
+            goes(browser, |browser| press(browser, key));
+            shows_all(browser, key);
+        }
+    };
+    pick(&mut browser, [-2.5, 1.0, -3.5], 1);
+    press(&mut browser, "i");
+    becomes(&mut browser, "one box", |now| now["isolated"] == json!([1]));
+    press(&mut browser, "Escape");
+    all_of_it(&mut browser);
+    let near = look(&mut browser);
+    press(&mut browser, "Shift+H");
+    becomes(&mut browser, "all", |now| now["isolated"].is_null());
+    all_of_it(&mut browser);
+    let far = look(&mut browser);
+    assert!(number(&far["eye"][1]) > 2.0 * number(&near["eye"][1]), "{} {}", near["eye"], far["eye"]);
+    // Both boxes without the floor.
+    pick(&mut browser, [5.0, 0.0, 5.0], 0);
+    press(&mut browser, "h");
+    becomes(&mut browser, "no floor", |now| now["hidden"] == json!([0]));
+    all_of_it(&mut browser);
 }
 
 #[test]

@@ -39,7 +39,7 @@ const HELP: readonly Row[] = [
   ["J", "where you are, and go to coordinates"],
   ["N", "notes"],
   ["O", "clashes"],
-  ["Home, Shift+F", "see the whole model, from a corner or from this side"],
+  ["Home, Shift+F", "see all that is shown, from a corner or from this side"],
   ["4 to 9, 0", "front, back, left, right, top, bottom; from a corner"],
   ["Alt+←, Alt+→", "back to the place before a jump, and forward"],
   ["no key", "edges of objects come once the picture rests"],

@@ -3,10 +3,10 @@
 import type { StandardView } from "../navigate/standardViews.ts";
 import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
-import { around } from "../space/box.ts";
+import { around, type Box } from "../space/box.ts";
 import type { Measuring } from "../tools/measuring.ts";
 import type { NavigationCommand } from "../tools/orientation.tsx";
-import { seeAll } from "../tools/overview.ts";
+import { frameShown, seeAll } from "../tools/overview.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { hasGhosts } from "../viewer/viewHistory.ts";
 import { type Change, ghostRest, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
@@ -131,7 +131,7 @@ function goToAll(viewer: Viewer, selection: Selection): void {
 
 /** The commands of navigation. */
 export function navigationCommandsOf(viewer: Viewer): readonly NavigationCommand[] {
-  const { navigator, scene } = viewer;
+  const { navigator } = viewer;
   const { history } = navigator;
   const isPossible = () => true;
   return [
@@ -149,14 +149,26 @@ export function navigationCommandsOf(viewer: Viewer): readonly NavigationCommand
       run: () => navigator.goBack(1),
       isPossible: () => history.canGoForward.value,
     },
-    { label: "Whole model", sign: "⌂", key: "Home", run: () => seeAll(viewer), isPossible },
-    { label: "Fit all", sign: "⤢", key: "Shift+F", run: () => navigator.frame(scene.core), isPossible },
+    { label: "Whole model", sign: "⌂", key: "Home", run: () => void seeAll(viewer), isPossible },
+    {
+      label: "Fit all",
+      sign: "⤢",
+      key: "Shift+F",
+      run: () => void frameShown(viewer, (box) => navigator.frame(box)),
+      isPossible,
+    },
   ];
 }
 
-/** Shows what is picked, or else the whole model, in a standard view. */
-export function lookFrom({ navigator, scene }: Viewer, selection: Selection, view: StandardView): void {
-  navigator.frameFrom(selection.bounds.peek() ?? scene.core, view.forward);
+/** Looks at what is picked, or else at all that is shown, in a standard view. */
+export function lookFrom(viewer: Viewer, selection: Selection, { forward }: StandardView): void {
+  const look = (box: Box) => viewer.navigator.frameFrom(box, forward);
+  const picked = selection.bounds.peek();
+  if (picked !== undefined) {
+    look(picked);
+  } else {
+    void frameShown(viewer, look);
+  }
 }
 
 /** The key of an event in the notation of commands. */

@@ -406,6 +406,11 @@ export class Service {
     return this.#json("box", { text });
   }
 
+  /** The box around most of these objects. */
+  async boxAround(objects: ObjectSet): Promise<Box> {
+    return (await (await this.post("box", JSON.stringify(objects.pairs))).json()) as Box;
+  }
+
   /** Rows of the table of all parts that a query finds, from number `from` on: see `src/page/finding`. */
   async rows(text: string, from: number): Promise<TableRows> {
     const answer = await this.ask("rows", { text, from });

@@ -36,6 +36,11 @@ export function edgesOf(box: Box): readonly (readonly [Point, Point])[] {
   );
 }
 
+/** Whether both are one box. */
+export function isSame(a: Box, b: Box): boolean {
+  return a.min.every((least, axis) => least === b.min[axis] && a.max[axis] === b.max[axis]);
+}
+
 /** The box around boxes; nothing if there are none. */
 export function around(boxes: readonly Box[]): Box | undefined {
   const corner = (of: "min" | "max") => pointOf((axis) => Math[of](...boxes.map((box) => box[of][axis])));

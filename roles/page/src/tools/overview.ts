@@ -1,21 +1,52 @@
-/** The start: an overview of the model, and then a flight down to the place where a walk begins. */
+/** Overviews: of all that is shown, and the one at the start, with a flight down to where a walk begins. */
 
 import { ISO } from "../navigate/standardViews.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
+import type { SceneDescription, Service } from "../service/service.ts";
+import { type Box, isSame } from "../space/box.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { drawnOf, type ViewHistory } from "../viewer/viewHistory.ts";
 
 /** The duration of the flight, seconds. */
 const FLIGHT = 2;
 /** The longest wait for an exact overview, once there is any picture: milliseconds. */
 const LONGEST_WAIT = 3000;
+/** The most shown objects whose box the service looks for: of more, it is about that of the whole model. */
+const MOST_BOXED = 1_000_000;
 
 /** Whether the person wants as little motion as possible. */
 export function isMotionReduced(): boolean {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }
 
-/** Moves to a view of the whole model, from a corner. */
-export function seeAll({ navigator, scene }: Viewer): void {
-  navigator.frameFrom(scene.core, ISO.forward);
+/** The part of a viewer that frames what it shows. */
+interface Framed {
+  readonly scene: Pick<SceneDescription, "core" | "objects">;
+  readonly service: Pick<Service, "boxAround">;
+  readonly view: Pick<ViewHistory, "current">;
+}
+
+/**
+ * Calls `frame` with the box around all that is shown. Where objects are hidden or isolated, the service says
+ * it. Without an answer, or with nothing shown, it is the box of the whole model.
+ */
+export async function frameShown({ scene, service, view }: Framed, frame: (box: Box) => void): Promise<void> {
+  const { core, objects } = scene;
+  const now = view.current.peek();
+  if (now.isolated === undefined && now.hidden.isEmpty) {
+    frame(core);
+    return;
+  }
+  const shown = drawnOf(now, ObjectSet.run(0, objects));
+  const isKnown = shown.isEmpty || shown.size > MOST_BOXED;
+  const box = isKnown ? core : await service.boxAround(shown).catch(() => core);
+  // The whole model is framed by its shape, and others by their box.
+  frame(isSame(box, core) ? core : box);
+}
+
+/** Moves to a view of all that is shown, from a corner. */
+export function seeAll(viewer: Viewer): Promise<void> {
+  return frameShown(viewer, (box) => viewer.navigator.frameFrom(box, ISO.forward));
 }
 
 /** Shows an overview, and flies down once it is drawn. Any input ends the flight. */

@@ -33,6 +33,14 @@ export const WHOLE: UserView = {
   colouring: NO_COLOURS,
 };
 
+/** Those of these that are drawn. */
+export function drawnOf(
+  { isolated, hidden }: Pick<SeenView, "isolated" | "hidden">,
+  objects: ObjectSet,
+): ObjectSet {
+  return (isolated === undefined ? objects : objects.minus(objects.minus(isolated))).minus(hidden);
+}
+
 /** Whether the picture is one of ghosts: at least half of all objects are see-through, beyond the model's. */
 export function hasGhosts(
   { seeThrough }: Pick<SeenView, "seeThrough">,
