@@ -138,6 +138,14 @@ fn angles_areas_and_perpendiculars_are_of_full_detail() {
     say(&mut browser, DISTANCES, &["0.500 m"]);
     browser.done(json!({ "do": "label", "name": "Remove measure 1" }));
     say(&mut browser, FINDINGS, &["1.0000 m²"]);
+    // Measures stay where all is shown again, until they are cleared.
+    press(&mut browser, "Shift+H");
+    say(&mut browser, DISTANCES, &["0.500 m"]);
+    browser.done(json!({ "do": "button", "name": "Clear" }));
+    say(&mut browser, DISTANCES, &[]);
+    say(&mut browser, FINDINGS, &[]);
+    press(&mut browser, "Control+z");
+    say(&mut browser, DISTANCES, &["0.500 m"]);
     // Escape takes a point back, and then leaves.
     measure(&mut browser, "Angle");
     click_corner(&mut browser, 2, [3.25, 1.5, 1.0]);

@@ -27,6 +27,7 @@ const ALL = Object.keys(MEASURES) as Measure[];
 
 export function MeasurePanel({ viewer, measuring, children }: Properties) {
   const measure = measuring.measure.value;
+  const hasMeasures = viewer.distances.value.length + measuring.findings.value.length > 0;
   return (
     <section class="panel sections" aria-label="Distances">
       <Choice
@@ -50,6 +51,7 @@ export function MeasurePanel({ viewer, measuring, children }: Properties) {
       {measure === "parts" && children}
       <UnitChoice />
       {viewer.distances.value.length > 0 && <CoordinatesButton />}
+      {hasMeasures && <Button text="Clear" title="Remove all measures" onClick={() => measuring.clear()} />}
       <ol>
         {viewer.distances.value.map((one, index) => {
           const { from, to } = one;

@@ -127,6 +127,15 @@ export class Measuring {
     this.findings.value = this.findings.peek().filter((one) => one !== finding);
   }
 
+  /** Removes all measures. */
+  clear(): void {
+    this.#forget();
+    this.findings.value = [];
+    if (this.#viewer.distances.peek().length > 0) {
+      this.#set([]);
+    }
+  }
+
   /** Whether a click closes the polygon: it is on the first corner, or once more on the last one. */
   #closes(x: number, y: number, shown: Snapped | undefined): boolean {
     const { pictured } = this.#viewer;
