@@ -254,6 +254,38 @@ fn clashes_are_found_shown_and_saved() {
 }
 
 #[test]
+fn whoever_closes_the_clashes_has_the_view_of_before() {
+    let Some((_bench, _service, mut browser)) = before_it([1000, 700]) else { return };
+    click(&mut browser, front(3));
+    becomes(&mut browser, "a pick", |now| now["selected"] == json!([3]));
+    press(&mut browser, "h");
+    becomes(&mut browser, "a hidden box", |now| now["hidden"] == json!([3]));
+    press(&mut browser, "o");
+    browser.done(json!({ "do": "button", "name": "Run" }));
+    say(&mut browser, STATUS, &["Clashes: 1, of them hard: 1."]);
+    browser.done(json!({ "do": "button", "name": "Next" }));
+    becomes(&mut browser, "ghosts", |now| now["seeThrough"] == json!([0, 3]));
+    // A note is about the clash: another panel leaves it as it is.
+    press(&mut browser, "m");
+    say(&mut browser, DISTANCES, &["0.000 m"]);
+    assert_eq!(state(&mut browser)["seeThrough"], json!([0, 3]));
+    press(&mut browser, "o");
+    say(&mut browser, ROWS, &["hard box1 · box2"]);
+    browser.done(json!({ "do": "label", "name": "Close Clashes" }));
+    let is_before = |now: &Value| now["seeThrough"] == json!([]) && now["hidden"] == json!([3]);
+    becomes(&mut browser, "the view before", is_before);
+    press(&mut browser, "m");
+    say(&mut browser, DISTANCES, &[]);
+    // Show all ends a clash as well, with its distance.
+    press(&mut browser, "Control+z");
+    becomes(&mut browser, "the clash again", |now| now["seeThrough"] == json!([0, 3]));
+    say(&mut browser, DISTANCES, &["0.000 m"]);
+    press(&mut browser, "Shift+H");
+    becomes(&mut browser, "all", |now| now["seeThrough"] == json!([]) && now["hidden"] == json!([]));
+    say(&mut browser, DISTANCES, &[]);
+}
+
+#[test]
 fn clashes_within_groups_are_ignored_and_others_listed_by_groups() {
     let bench = Bench::empty();
     bench.write("groups.gltf", grouped_row());
@@ -296,6 +328,7 @@ fn clashes_by_the_keyboard_alone() {
     press(&mut browser, " ");
     becomes(&mut browser, "ghosts", |now| now["seeThrough"] == json!([0, 3]));
     press(&mut browser, "Escape");
+    becomes(&mut browser, "the view before", |now| now["seeThrough"] == json!([]));
     press(&mut browser, "o");
     say(&mut browser, ROWS, &[]);
 }
@@ -318,6 +351,7 @@ fn clashes_with_a_finger_on_a_phone() {
     tap(&mut browser, "Next");
     becomes(&mut browser, "ghosts", |now| now["seeThrough"] == json!([0, 3]));
     tap(&mut browser, "Close Clashes");
+    becomes(&mut browser, "the view before", |now| now["seeThrough"] == json!([]));
     let seen: Value = look(&mut browser)["selected"].take();
     assert_eq!(seen, json!([1, 2]));
 }

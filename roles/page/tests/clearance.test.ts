@@ -1,10 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { csvOf, groupsOf, metresOf, setsOf } from "../src/clearance/clashes.ts";
+import { Clashes, csvOf, groupsOf, metresOf, setsOf } from "../src/clearance/clashes.ts";
+import { hide, showAll } from "../src/objects/actions.ts";
+import type { Selection } from "../src/objects/selection.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import type { Clash, Snapped } from "../src/service/service.ts";
 import { angleAt, angleError, perpendicular } from "../src/tools/measures.ts";
 import { decodeViewpoint } from "../src/tools/viewpoint.ts";
+import type { Viewer } from "../src/viewer/viewer.ts";
+import { ViewHistory, WHOLE } from "../src/viewer/viewHistory.ts";
+import { navigatorAtOrigin } from "./atOrigin.ts";
 
 const snapped = (point: Snapped["point"], more: Partial<Snapped> = {}): Snapped => ({
   to: "vertex",
@@ -107,6 +112,74 @@ test("the view of a clash shows both objects, all others as ghosts, and the dist
     { point: [0.75, 0, 0], error: 5e-7 },
     { point: [0.5, 0, 0], error: 5e-7 },
   ]);
+});
+
+const clashOf = (first: number, second: number): Clash => ({
+  kind: "hard",
+  distance: 0,
+  error: 0,
+  parts: [
+    { object: first, name: "", path: [] },
+    { object: second, name: "", path: [] },
+  ],
+  points: [
+    [0, 0, 0],
+    [1, 0, 0],
+  ],
+  plant: [
+    [0, 0, 0],
+    [1, 0, 0],
+  ],
+  camera: { eye: [1, 2, 3], forward: [0, 0, -1], vfov_deg: 60 },
+  view: "",
+});
+
+/** The clashes of a model of ten objects, and its views. */
+function clashesOfTen(): { clashes: Clashes; view: ViewHistory } {
+  const view = new ViewHistory(ObjectSet.of([9]));
+  const { walker: navigator } = navigatorAtOrigin();
+  const viewer = { view, navigator, scene: { objects: 10 } } as unknown as Viewer;
+  const selection = { pickAll: () => undefined } as unknown as Selection;
+  return { clashes: new Clashes(viewer, selection), view };
+}
+
+test("whoever leaves the clashes has the view of before, whatever was shown and measured meanwhile", () => {
+  for (const rest of ["ghosts", "hidden"] as const) {
+    const { clashes, view } = clashesOfTen();
+    clashes.rest.value = rest;
+    const measured = { from: { point: [0, 0, 0], error: 0 }, to: { point: [0, 2, 0], error: 0 } } as const;
+    view.change({ hidden: ObjectSet.of([1, 5]), distances: [measured] });
+    const before = view.current.value;
+    clashes.show(clashOf(1, 2));
+    clashes.show(clashOf(3, 4));
+    assert.deepEqual([...view.current.value.hidden], [1, 5], "the first clash shows nothing any more");
+    assert.equal(view.current.value.distances.length, 2);
+    clashes.leave();
+    assert.deepEqual(view.current.value, before, rest);
+    // Once is enough, and one step undoes it.
+    clashes.leave();
+    view.undo();
+    assert.deepEqual([...(view.current.value.isolated ?? ObjectSet.of([3, 4]))], [3, 4]);
+    clashes.leave();
+    assert.deepEqual(view.current.value, before, rest);
+  }
+});
+
+test("the clashes take nothing away that a person has hidden, or shown again", () => {
+  const { clashes, view } = clashesOfTen();
+  clashes.leave();
+  assert.ok(!view.canUndo.value, "without a clash there is nothing to give back");
+  clashes.show(clashOf(1, 2));
+  view.change(hide(view.current.value, ObjectSet.of([7])));
+  clashes.leave();
+  assert.deepEqual([...view.current.value.hidden], [7]);
+  assert.deepEqual([...view.current.value.seeThrough], [9]);
+  clashes.show(clashOf(1, 2));
+  view.change(showAll(view.current.value, view.modelSeeThrough));
+  const all = view.current.value;
+  assert.deepEqual(all, { ...WHOLE, seeThrough: view.modelSeeThrough }, "the distance is gone as well");
+  clashes.leave();
+  assert.equal(view.current.value, all);
 });
 
 test("a clash is a line of comma-separated values", () => {

@@ -63,7 +63,7 @@ test("what is hidden, isolated and shown again is drawn or not", () => {
   const plane = { kind: "plane", point: [0, 0, 0], direction: [0, 1, 0] } as const;
   view = { ...view, sections: [plane] };
   assert.equal(told(view, 100), "cut by 1 section, only 9 shown, 2 hidden");
-  view = { ...view, ...showAll() };
+  view = { ...view, ...showAll(view) };
   assert.deepEqual([drawn(), told(view, 100)], [["all", "all", "all"], ""]);
 });
 
@@ -206,7 +206,7 @@ test("a view begins with what the model has see-through, and all is shown as the
   const history = new ViewHistory(glass);
   assert.equal(history.seen.value.seeThrough, glass);
   history.change({ seeThrough: ObjectSet.EMPTY, hidden: ObjectSet.of([1]) });
-  history.change(showAll(history.modelSeeThrough));
+  history.change(showAll(history.current.value, history.modelSeeThrough));
   assert.deepEqual(history.current.value, { ...WHOLE, seeThrough: glass });
 });
 

@@ -3,6 +3,7 @@
 import type { Signal } from "@preact/signals";
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
+import { useEffect } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
 import { Choice } from "../controls/choice.tsx";
 import { counted } from "../controls/counted.ts";
@@ -36,16 +37,33 @@ const searches = new WeakMap<Viewer, Clashes>();
 interface Properties {
   readonly viewer: Viewer;
   readonly selection: Selection;
+  /** Whether no panel is open. Another one, such as that of notes, keeps the clash in the picture. */
+  readonly isClosed: () => boolean;
 }
 
-export function ClashPanel({ viewer, selection }: Properties) {
+export function ClashPanel({ viewer, selection, isClosed }: Properties) {
   const clashes = searches.get(viewer) ?? new Clashes(viewer, selection);
   searches.set(viewer, clashes);
+  useEffect(() => {
+    return () => {
+      if (isClosed()) {
+        clashes.leave();
+      }
+    };
+  }, []);
   const running = clashes.running.value;
   const found = clashes.found.value;
   const picked = choiceOf(viewer, selection);
   return (
-    <section class="panel clashes" aria-label="Clashes">
+    <section
+      class="panel clashes"
+      aria-label="Clashes"
+      onKeyDown={({ key }) => {
+        if (key === "Escape") {
+          clashes.leave();
+        }
+      }}
+    >
       <SetRow name="Between" set={clashes.between} none="all objects" picked={picked} />
       <SetRow name="And" set={clashes.and} none="all others" picked={picked} />
       <label>

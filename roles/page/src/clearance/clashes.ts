@@ -1,14 +1,14 @@
 /** A person's search for clashes, which the service runs. */
 
 import { signal } from "@preact/signals";
-import { ghostRest, isolate } from "../objects/actions.ts";
+import { ghostRest } from "../objects/actions.ts";
 import { type Level, placeAt } from "../objects/levels.ts";
 import type { Selection } from "../objects/selection.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import { messageOf } from "../service/errors.ts";
 import type { Clash, ClashAnswer, ClashPart } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import type { Distance } from "../viewer/viewHistory.ts";
+import { measuredOf, type UserView } from "../viewer/viewHistory.ts";
 
 /** Milliseconds between two questions for its progress. */
 const PERIOD = 300;
@@ -41,6 +41,14 @@ export interface Ignored {
   readonly level: string;
 }
 
+/** The part of a view that a clash changes. */
+type Looks = Pick<UserView, "hidden" | "isolated" | "seeThrough">;
+
+/** The set by which the looks of a clash are known again: each clash makes its own. */
+function markOf({ isolated, seeThrough }: Omit<Looks, "hidden">): ObjectSet {
+  return isolated ?? seeThrough;
+}
+
 export class Clashes {
   /** The sets between which to search. Without a choice: all objects, and all others. */
   readonly between = signal<Choice | undefined>(undefined);
@@ -64,8 +72,8 @@ export class Clashes {
   readonly #viewer: Viewer;
   readonly #selection: Selection;
   #newest = 0;
-  /** The distance that belongs to the shown clash. */
-  #distance: Distance | undefined;
+  /** The looks before those of clashes, by the set that each clash is shown with. */
+  readonly #before = new WeakMap<ObjectSet, Looks>();
 
   constructor(viewer: Viewer, selection: Selection) {
     [this.#viewer, this.#selection] = [viewer, selection];
@@ -114,22 +122,43 @@ export class Clashes {
   /** Goes to a clash: both objects are solid, and all others ghosts or hidden. One step undoes it. */
   show(clash: Clash): void {
     const { view, navigator, scene } = this.#viewer;
-    const both = ObjectSet.of(clash.parts.map(({ object }) => object));
+    const objects = clash.parts.map(({ object }) => object);
+    const both = ObjectSet.of(objects);
     const now = view.current.peek();
-    const [first, second] = clash.points.map((point) => ({ point, error: clash.error / 2 }));
-    const distance = first && second && { from: first, to: second };
-    const kept = now.distances.filter((one) => one !== this.#distance);
+    const before = this.#looksBefore(now);
+    const [from, to] = clash.points.map((point) => ({ point, error: clash.error / 2 }));
+    const distance = from && to ? [{ from, to, isOfClash: true as const }] : [];
+    const hidden = before.hidden.minus(both);
     const looks =
       this.rest.peek() === "ghosts"
-        ? { ...ghostRest(both, scene.objects), isolated: undefined, hidden: now.hidden.minus(both) }
-        : { ...isolate(now, both), seeThrough: now.seeThrough.minus(both) };
-    view.change({ ...looks, distances: distance ? [...kept, distance] : kept });
+        ? { hidden, isolated: undefined, ...ghostRest(both, scene.objects) }
+        : { hidden, isolated: ObjectSet.of(objects), seeThrough: before.seeThrough.minus(both) };
+    this.#before.set(markOf(looks), before);
+    view.change({ ...looks, distances: [...measuredOf(now.distances), ...distance] });
     const { eye, forward, vfov_deg: vfovDeg } = clash.camera;
     // A walker would fall.
     const mode = navigator.mode.peek() === "walk" ? "orbit" : navigator.mode.peek();
     navigator.jumpTo({ eye, forward, vfovDeg, mode });
     this.#selection.pickAll(both);
-    [this.#distance, this.shown.value] = [distance, clash];
+    this.shown.value = clash;
+  }
+
+  /** Gives back the looks before the clashes, unless the person has others since. One step undoes it. */
+  leave(): void {
+    const { view } = this.#viewer;
+    const now = view.current.peek();
+    const distances = measuredOf(now.distances);
+    if (this.#before.has(markOf(now)) || distances.length < now.distances.length) {
+      view.change({ ...this.#looksBefore(now), distances });
+    }
+  }
+
+  /** The looks of a view without those of a clash. Objects that were hidden meanwhile stay so. */
+  #looksBefore({ hidden, isolated, seeThrough }: Looks): Looks {
+    const before = this.#before.get(markOf({ isolated, seeThrough }));
+    return before === undefined
+      ? { hidden, isolated, seeThrough }
+      : { ...before, hidden: before.hidden.union(hidden) };
   }
 
   /** Goes to the clash so many after the shown one. */

@@ -87,7 +87,7 @@ async function run(
       view.change(hide(view.current.peek(), objectsOf(await partsOf(viewer, request.parts))));
       break;
     case "showAll":
-      view.change(showAll(view.modelSeeThrough));
+      view.change(showAll(view.current.peek(), view.modelSeeThrough));
       break;
     case "setView":
       people.follow(undefined);

@@ -3,7 +3,7 @@
 import { counted } from "../controls/counted.ts";
 import { MOST_PAINTS, type Paint } from "../draw/colours.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
-import { hasGhosts, type UserView } from "../viewer/viewHistory.ts";
+import { drawnOf, hasGhosts, measuredOf, type UserView } from "../viewer/viewHistory.ts";
 
 /** A change of the view. */
 export type Change = Partial<UserView>;
@@ -31,7 +31,11 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
 }
 
 /** All other objects are ghosts: see-through. Objects that the model has see-through stay so. */
-export function ghostRest(solid: ObjectSet, objectCount: number, modelSeeThrough = ObjectSet.EMPTY): Change {
+export function ghostRest(
+  solid: ObjectSet,
+  objectCount: number,
+  modelSeeThrough = ObjectSet.EMPTY,
+): Pick<UserView, "seeThrough"> {
   return { seeThrough: ObjectSet.run(0, objectCount).minus(solid.minus(modelSeeThrough)) };
 }
 
@@ -42,15 +46,20 @@ export function paint({ colouring }: UserView, added: Paint): Change {
   return { colouring: { ...colouring, paints: [...left, added].slice(-MOST_PAINTS) } };
 }
 
-/** Draws all objects as in the model, without sections. Colours stay. */
-export function showAll(modelSeeThrough = ObjectSet.EMPTY): Change {
-  return { hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
+/** Draws all objects as in the model, without sections. Colours and measures stay. */
+export function showAll({ distances }: UserView, modelSeeThrough = ObjectSet.EMPTY): Change {
+  return {
+    hidden: ObjectSet.EMPTY,
+    isolated: undefined,
+    seeThrough: modelSeeThrough,
+    sections: [],
+    distances: measuredOf(distances),
+  };
 }
 
 /** How many of these are drawn. */
 export function visibility(view: UserView, objects: ObjectSet): "all" | "some" | "none" {
-  const { isolated, hidden } = view;
-  const drawn = (isolated === undefined ? objects : objects.minus(objects.minus(isolated))).minus(hidden);
+  const drawn = drawnOf(view, objects);
   return drawn.isEmpty ? "none" : drawn.size === objects.size ? "all" : "some";
 }
 

@@ -93,7 +93,7 @@ export function commandsOf(
     {
       label: "Show all",
       key: "Shift+H",
-      run: () => view.change(showAll(view.modelSeeThrough)),
+      run: () => view.change(showAll(view.current.peek(), view.modelSeeThrough)),
       isPossible: () => true,
     },
     {

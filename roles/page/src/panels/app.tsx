@@ -190,7 +190,9 @@ function App({ viewer }: { readonly viewer: Viewer }) {
                 <Things viewer={viewer} selection={selection} />
               </MeasurePanel>
             )}
-            {open.value === "Clashes" && <ClashPanel viewer={viewer} selection={selection} />}
+            {open.value === "Clashes" && (
+              <ClashPanel viewer={viewer} selection={selection} isClosed={() => open.peek() === undefined} />
+            )}
             {open.value === "Status" && <StatusPanel viewer={viewer} />}
             {open.value === "Colours" && <ColoursPanel viewer={viewer} selection={selection} />}
             {open.value === "Views" && (

@@ -6,10 +6,17 @@ import { ObjectSet } from "../proto/objectSet.ts";
 import type { ViewState } from "../proto/viewState.ts";
 import type { End } from "../service/service.ts";
 
-/** Between two points that a person has picked. */
+/** Between two points that a person has picked, or of a clash. */
 export interface Distance {
   readonly from: End;
   readonly to: End;
+  /** It belongs to a clash that is shown, and goes with it. */
+  readonly isOfClash?: true;
+}
+
+/** The distances that a person has measured. */
+export function measuredOf(distances: readonly Distance[]): readonly Distance[] {
+  return distances.filter(({ isOfClash }) => !isOfClash);
 }
 
 /** The part of a view state that a person changes. */
