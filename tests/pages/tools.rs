@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::controls::{goes, state};
 use crate::common::page::{Browser, Service};
@@ -443,4 +443,31 @@ fn a_search_shows_all_that_it_finds_and_what_is_chosen() {
     said(&mut browser, ".details h2", |all| all == ["/20-CE249_A"]);
     browser.done(json!({ "do": "wait", "milliseconds": 500 }));
     assert!(texts(&mut browser, rows).is_empty(), "an answer that comes late opens no list");
+}
+
+/// Names that differ at their ends alone are told apart, however long they are.
+#[test]
+fn a_long_name_in_the_search_shows_its_end() {
+    let bench = Bench::empty();
+    let name = |number: u32| format!("/AREA-20-EAST.PIPE-RACK-LEVEL-2.LINE-20-2051PL.BRANCH-{number}");
+    let mut text = String::new();
+    for number in 0..2_u32 {
+        let (x, first) = (2 * number, 3 * number + 1);
+        writeln!(text, "o {}\nv {x} 0 0\nv {} 0 0\nv {x} 1 0", name(number), x + 1).unwrap();
+        writeln!(text, "f {first} {} {}", first + 1, first + 2).unwrap();
+    }
+    bench.write("tags.obj", text);
+    bench.done(&["import", "tags.obj", "-o", "tags.scene"]);
+    let Some((_service, mut browser)) = opened(&bench, "tags.scene") else { return };
+    press(&mut browser, &["/"]);
+    browser.done(json!({ "do": "type", "text": "branch" }));
+    said(&mut browser, "#found [role=option]", |all| all == [name(0), name(1)]);
+    let ends = "#found [role=option] span:last-child";
+    assert_eq!(texts(&mut browser, ends), ["1PL.BRANCH-0", "1PL.BRANCH-1"]);
+    let mut rects = |selector: &str| browser.done(json!({ "do": "rects", "selector": selector }));
+    let (rows, ends) = (rects("#found [role=option]"), rects(ends));
+    let right = |place: &Value| place["x"].as_f64().unwrap() + place["width"].as_f64().unwrap() / 2.0;
+    for row in 0..2 {
+        assert!(right(&ends[row]) <= right(&rows[row]), "{} is beyond {}", ends[row], rows[row]);
+    }
 }
