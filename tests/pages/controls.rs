@@ -168,6 +168,14 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     };
     press(&mut browser, "?");
     assert!(is_open(&mut browser));
+    // The list is loaded when it is first shown, and has its groups.
+    let groups = json!({ "do": "text", "selector": ".keys h2" });
+    let expected = json!(["Move", "Look", "Pick and hide", "Measure and cut", "Panels"]);
+    let is_listed = (0..400).any(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        browser.done(groups.clone()) == expected
+    });
+    assert!(is_listed, "{}", browser.done(groups));
     let close = json!({ "do": "visible", "selector": ".keys form button", "within": ".keys" });
     assert_eq!(browser.done(close), json!([true]));
     press(&mut browser, "?");
