@@ -195,6 +195,66 @@ fn what_is_measured_can_be_taken_back_and_copied_in_any_unit() {
     said(&mut browser, ".details h2", |all| all == ["ball-0"]);
 }
 
+/// Enter takes the point at the crosshair, which shows while the focus of the keyboard is on the picture.
+#[test]
+fn points_are_measured_by_the_keyboard_alone() {
+    let bench = Bench::empty();
+    let near = [[0.0, 2.0, 0.0], [4.0, 2.0, 0.5]];
+    bench.write("balls.obj", balls(ROUND, &near));
+    bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
+    let Some((_service, mut browser)) = opened(&bench, "balls.scene") else { return };
+    let kinds = "Two pointsTwo partsPoint to faceAngleArea or diameterPolygon";
+    // Right before a point: it is in the middle of the picture.
+    let aim = |browser: &mut Browser, [x, y, z]: [f64; 3]| {
+        browser.done(json!({ "do": "stand", "eye": [x, y, z + 5.0], "forward": [0.0, 0.0, -1.0] }));
+        browser.done(json!({ "do": "settle" }));
+    };
+    let crosshair = |browser: &mut Browser| {
+        let places = browser.done(json!({ "do": "rects", "selector": ".crosshair" }));
+        let part = |name: &str| places[0][name].as_f64().unwrap_or_default();
+        [part("x").round(), part("y").round(), part("width")]
+    };
+    press(&mut browser, &["2", "m"]);
+    browser.done(json!({ "do": "tab", "name": kinds }));
+    assert_eq!(crosshair(&mut browser), [0.0; 3], "the focus is in the panel");
+    press(&mut browser, &["Escape"]);
+    let [x, y, width] = crosshair(&mut browser);
+    assert!([x, y] == [450.0, 350.0] && width > 20.0, "{x} {y} {width}");
+
+    // The sky has no point, and the first one is still to come.
+    browser.done(json!({ "do": "stand", "eye": [0.0, 2.0, 8.0], "forward": [0.0, 0.9, 0.4] }));
+    browser.done(json!({ "do": "settle" }));
+    press(&mut browser, &["Enter"]);
+    said(&mut browser, "#status", |all| all.iter().any(|text| text.contains("nothing at the crosshair")));
+    let ends = [on_ball(near[0], 9, 6), on_ball(near[1], 11, 7)];
+    for end in ends {
+        aim(&mut browser, end);
+        press(&mut browser, &["Enter"]);
+    }
+    let expected = format!("{:.3} m", length(ends));
+    said(&mut browser, DISTANCES, |all| all == [expected.clone()]);
+
+    // A polygon: Enter again at the last corner closes it.
+    browser.done(json!({ "do": "tab", "name": kinds }));
+    press(&mut browser, &["End", "Escape"]);
+    let corners = [ends[0], ends[1], on_ball(near[0], 14, 6)];
+    for corner in corners {
+        aim(&mut browser, corner);
+        press(&mut browser, &["Enter"]);
+    }
+    press(&mut browser, &["Enter"]);
+    let [a, b, c] = corners;
+    let around = length([a, b]) + length([b, c]) + length([c, a]);
+    let perimeter = format!(", perimeter {around:.3} m");
+    let findings = "[aria-label='Angles and surfaces'] strong";
+    said(&mut browser, findings, |all| all.len() == 1 && all[0].ends_with(&perimeter));
+
+    // Where the panel is closed there is no crosshair, and Enter takes nothing.
+    press(&mut browser, &["Escape"]);
+    said(&mut browser, DISTANCES, <[String]>::is_empty);
+    assert_eq!(crosshair(&mut browser), [0.0; 3]);
+}
+
 #[test]
 fn clicks_pick_as_on_a_desktop() {
     let bench = Bench::empty();

@@ -123,7 +123,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       if (key === "Escape") {
         stepBack();
       } else if (
-        (key === "Enter" && measuring.closePolygon()) ||
+        (key === "Enter" && !event.repeat && measuring.enter()) ||
         (key === "Backspace" && measuring.takeBack())
       ) {
         event.preventDefault();
