@@ -277,6 +277,50 @@ fn all_of_a_kind_by_the_keyboard() {
     becomes(browser, "no colours", |now| now["colouring"]["paints"] == json!([]));
 }
 
+/// The buttons that copy values show where the pointer or the focus is.
+#[test]
+fn the_value_of_an_attribute_is_copied() {
+    let bench = Bench::empty();
+    let Some(service) = service(&bench) else { return };
+    let Some(mut browser) = Browser::start(900, 700) else { return };
+    let browser = &mut browser;
+    before_it(&service, browser);
+    let copies = |browser: &mut Browser| {
+        let targets = browser.done(json!({ "do": "targets" })).as_array().unwrap().clone();
+        let names = targets.iter().map(|target| target["name"].as_str().unwrap().to_owned());
+        names.filter(|name| name.starts_with("Copy value of ")).collect::<Vec<_>>()
+    };
+    let copied = |browser: &mut Browser, label: &str, value: &str| {
+        shows(browser, &format!("[aria-label='{label}']"), |all| all == ["Copied"]);
+        assert_eq!(browser.done(json!({ "do": "clipboard" })), value);
+    };
+    search(browser, "name=HV-1003", "1 part, 1 object");
+    press(browser, "Enter");
+    shows(browser, ".details h2", |all| all == ["HV-1003"]);
+    assert!(copies(browser).is_empty(), "the table is calm");
+    browser.done(json!({ "do": "tab", "name": "Copy value of Size" }));
+    assert_eq!(copies(browser), ["Copy value of Size"]);
+    press(browser, "Enter");
+    copied(browser, "Copy value of Size", "350 mm");
+    press(browser, "Escape");
+    // With the mouse over its row.
+    browser.done(json!({ "do": "label", "name": "Copy value of Type" }));
+    assert_eq!(copies(browser), ["Copy value of Type"]);
+    copied(browser, "Copy value of Type", "ball valve");
+
+    // A finger has no hover: they show at once, and are large enough.
+    let Some(mut browser) = Browser::with_touch(390, 844) else { return };
+    let browser = &mut browser;
+    before_it(&service, browser);
+    search(browser, "name=HV-1003", "1 part, 1 object");
+    press(browser, "Enter");
+    shows(browser, ".details h2", |all| all == ["HV-1003"]);
+    let all = copies(browser);
+    assert!(["Type", "Size"].iter().all(|name| all.contains(&format!("Copy value of {name}"))), "{all:?}");
+    browser.done(json!({ "do": "tap", "name": "Copy value of Type", "milliseconds": 60 }));
+    copied(browser, "Copy value of Type", "ball valve");
+}
+
 #[test]
 fn an_attribute_has_colours_with_a_legend_in_links_too() {
     let bench = Bench::empty();

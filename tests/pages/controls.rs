@@ -168,11 +168,73 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     };
     press(&mut browser, "?");
     assert!(is_open(&mut browser));
+    // The list is loaded when it is first shown, and has its groups.
+    let groups = json!({ "do": "text", "selector": ".keys h2" });
+    let expected = json!(["Move", "Look", "Pick and hide", "Measure and cut", "Panels"]);
+    let is_listed = (0..400).any(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        browser.done(groups.clone()) == expected
+    });
+    assert!(is_listed, "{}", browser.done(groups));
     let close = json!({ "do": "visible", "selector": ".keys form button", "within": ".keys" });
     assert_eq!(browser.done(close), json!([true]));
     press(&mut browser, "?");
     assert!(!is_open(&mut browser));
     assert_eq!(focused(&mut browser)["tag"], "canvas");
+}
+
+/// Waits until the focused element has this name, or is of this kind.
+fn focus_is_on(browser: &mut Browser, wanted: &str) {
+    let is_there = (0..400).any(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        let now = browser.done(json!({ "do": "focused" }));
+        now["name"] == wanted || now["tag"] == wanted
+    });
+    assert!(is_there, "{} and not {wanted}", browser.done(json!({ "do": "focused" })));
+}
+
+/// The focus goes to the first control of a panel that a key opens, and to the picture when it closes.
+#[test]
+fn a_key_leads_into_the_panel_that_it_opens_and_a_click_does_not() {
+    let bench = Bench::empty();
+    let Some((_service, mut browser)) = opened(&bench, &ROOM, [900, 700]) else { return };
+    press(&mut browser, "2");
+    let kinds = "Two pointsTwo partsPoint to faceAngleArea or diameterPolygon";
+    for (key, first) in [("m", kinds), ("b", "Plane ahead"), ("v", "Keep this view"), ("t", "boxes.obj")] {
+        press(&mut browser, key);
+        focus_is_on(&mut browser, first);
+        press(&mut browser, key);
+        focus_is_on(&mut browser, "canvas");
+    }
+    // From one panel to another.
+    press(&mut browser, "b");
+    focus_is_on(&mut browser, "Plane ahead");
+    press(&mut browser, "m");
+    focus_is_on(&mut browser, kinds);
+    // Escape leads to the picture, and the next one closes what is measured.
+    let panels = json!({ "do": "text", "selector": ".frame h2" });
+    press(&mut browser, "Escape");
+    focus_is_on(&mut browser, "canvas");
+    assert_eq!(browser.done(panels.clone()), json!(["Measure"]));
+    press(&mut browser, "Escape");
+    assert!((0..400).any(|_| browser.done(panels.clone()) == json!([])));
+    focus_is_on(&mut browser, "canvas");
+    // A field for text would take the key: it is passed over, and the key closes the panel.
+    press(&mut browser, "o");
+    browser.done(json!({ "do": "wait", "milliseconds": 500 }));
+    assert_ne!(browser.done(json!({ "do": "focused" }))["tag"], "input");
+    press(&mut browser, "o");
+    assert!((0..400).any(|_| browser.done(panels.clone()) == json!([])));
+    // A click keeps the focus on its button.
+    browser.done(json!({ "do": "button", "name": "Cut" }));
+    browser.done(json!({ "do": "tab", "name": "Cut" }));
+    let plane = json!({ "do": "text", "selector": ".sections button" });
+    let is_there = (0..400).any(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        browser.done(plane.clone()) == json!(["Plane ahead", "Box around"])
+    });
+    assert!(is_there, "{}", browser.done(plane));
+    assert_eq!(browser.done(json!({ "do": "focused" }))["name"], "Cut");
 }
 
 /// Picks the right box of the room.

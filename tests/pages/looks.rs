@@ -322,6 +322,11 @@ fn texts_can_be_read_in_light_and_in_dark_panels_and_the_model_stays_as_it_is() 
         texts += lowest(&mut browser, &format!("{scheme}, pictures"));
         close_dialog(&mut browser);
         browser.done(json!({ "do": "label", "name": "Keys" }));
+        let groups = json!({ "do": "text", "selector": ".keys h2" });
+        assert!((0..400).any(|_| {
+            browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+            browser.done(groups.clone()) != json!([])
+        }));
         texts += lowest(&mut browser, &format!("{scheme}, keys"));
         browser.done(json!({ "do": "button", "name": "Close" }));
         browser.done(json!({ "do": "label", "name": "Standard views" }));

@@ -304,7 +304,8 @@ fn a_page_walks_on_over_another_network() {
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     browser.done(json!({ "do": "open", "url": service.url() }));
     browser.done(json!({ "do": "settle" }));
-    browser.done(json!({ "do": "press", "key": "KeyP" }));
+    // By a click: its key would give the arrows to the first list in the panel.
+    browser.done(json!({ "do": "button", "name": "Status" }));
     let mut eyes = vec![browser.done(json!({ "do": "look" }))["eye"].take()];
     for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("none", 0.0)] {
         let choice = json!({ "do": "choose", "label": "Simulated network to the culler", "value": network });
@@ -406,7 +407,8 @@ fn a_page_goes_on_with_several_cullers_and_with_two_that_take_turns() {
     browser.done(json!({ "do": "open", "url": service.url() }));
     browser.done(json!({ "do": "settle" }));
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
-    browser.done(json!({ "do": "press", "key": "KeyP" }));
+    // By a click: its key would give the arrows to the first list in the panel.
+    browser.done(json!({ "do": "button", "name": "Status" }));
     let mut before = browser.done(json!({ "do": "look" }));
     let eye = before["eye"].clone();
     let [x, y, z, w]: [f64; 4] = serde_json::from_value(before["orientation"].clone()).unwrap();

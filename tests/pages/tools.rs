@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::controls::{goes, state};
 use crate::common::page::{Browser, Service};
@@ -193,6 +193,66 @@ fn what_is_measured_can_be_taken_back_and_copied_in_any_unit() {
     said(&mut browser, DISTANCES, <[String]>::is_empty);
     click_at(&mut browser, on_ball(near[0], 12, 6), &[]);
     said(&mut browser, ".details h2", |all| all == ["ball-0"]);
+}
+
+/// Enter takes the point at the crosshair, which shows while the focus of the keyboard is on the picture.
+#[test]
+fn points_are_measured_by_the_keyboard_alone() {
+    let bench = Bench::empty();
+    let near = [[0.0, 2.0, 0.0], [4.0, 2.0, 0.5]];
+    bench.write("balls.obj", balls(ROUND, &near));
+    bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
+    let Some((_service, mut browser)) = opened(&bench, "balls.scene") else { return };
+    let kinds = "Two pointsTwo partsPoint to faceAngleArea or diameterPolygon";
+    // Right before a point: it is in the middle of the picture.
+    let aim = |browser: &mut Browser, [x, y, z]: [f64; 3]| {
+        browser.done(json!({ "do": "stand", "eye": [x, y, z + 5.0], "forward": [0.0, 0.0, -1.0] }));
+        browser.done(json!({ "do": "settle" }));
+    };
+    let crosshair = |browser: &mut Browser| {
+        let places = browser.done(json!({ "do": "rects", "selector": ".crosshair" }));
+        let part = |name: &str| places[0][name].as_f64().unwrap_or_default();
+        [part("x").round(), part("y").round(), part("width")]
+    };
+    press(&mut browser, &["2", "m"]);
+    browser.done(json!({ "do": "tab", "name": kinds }));
+    assert_eq!(crosshair(&mut browser), [0.0; 3], "the focus is in the panel");
+    press(&mut browser, &["Escape"]);
+    let [x, y, width] = crosshair(&mut browser);
+    assert!([x, y] == [450.0, 350.0] && width > 20.0, "{x} {y} {width}");
+
+    // The sky has no point, and the first one is still to come.
+    browser.done(json!({ "do": "stand", "eye": [0.0, 2.0, 8.0], "forward": [0.0, 0.9, 0.4] }));
+    browser.done(json!({ "do": "settle" }));
+    press(&mut browser, &["Enter"]);
+    said(&mut browser, "#status", |all| all.iter().any(|text| text.contains("nothing at the crosshair")));
+    let ends = [on_ball(near[0], 9, 6), on_ball(near[1], 11, 7)];
+    for end in ends {
+        aim(&mut browser, end);
+        press(&mut browser, &["Enter"]);
+    }
+    let expected = format!("{:.3} m", length(ends));
+    said(&mut browser, DISTANCES, |all| all == [expected.clone()]);
+
+    // A polygon: Enter again at the last corner closes it.
+    browser.done(json!({ "do": "tab", "name": kinds }));
+    press(&mut browser, &["End", "Escape"]);
+    let corners = [ends[0], ends[1], on_ball(near[0], 14, 6)];
+    for corner in corners {
+        aim(&mut browser, corner);
+        press(&mut browser, &["Enter"]);
+    }
+    press(&mut browser, &["Enter"]);
+    let [a, b, c] = corners;
+    let around = length([a, b]) + length([b, c]) + length([c, a]);
+    let perimeter = format!(", perimeter {around:.3} m");
+    let findings = "[aria-label='Angles and surfaces'] strong";
+    said(&mut browser, findings, |all| all.len() == 1 && all[0].ends_with(&perimeter));
+
+    // Where the panel is closed there is no crosshair, and Enter takes nothing.
+    press(&mut browser, &["Escape"]);
+    said(&mut browser, DISTANCES, <[String]>::is_empty);
+    assert_eq!(crosshair(&mut browser), [0.0; 3]);
 }
 
 #[test]
@@ -443,4 +503,31 @@ fn a_search_shows_all_that_it_finds_and_what_is_chosen() {
     said(&mut browser, ".details h2", |all| all == ["/20-CE249_A"]);
     browser.done(json!({ "do": "wait", "milliseconds": 500 }));
     assert!(texts(&mut browser, rows).is_empty(), "an answer that comes late opens no list");
+}
+
+/// Names that differ at their ends alone are told apart, however long they are.
+#[test]
+fn a_long_name_in_the_search_shows_its_end() {
+    let bench = Bench::empty();
+    let name = |number: u32| format!("/AREA-20-EAST.PIPE-RACK-LEVEL-2.LINE-20-2051PL.BRANCH-{number}");
+    let mut text = String::new();
+    for number in 0..2_u32 {
+        let (x, first) = (2 * number, 3 * number + 1);
+        writeln!(text, "o {}\nv {x} 0 0\nv {} 0 0\nv {x} 1 0", name(number), x + 1).unwrap();
+        writeln!(text, "f {first} {} {}", first + 1, first + 2).unwrap();
+    }
+    bench.write("tags.obj", text);
+    bench.done(&["import", "tags.obj", "-o", "tags.scene"]);
+    let Some((_service, mut browser)) = opened(&bench, "tags.scene") else { return };
+    press(&mut browser, &["/"]);
+    browser.done(json!({ "do": "type", "text": "branch" }));
+    said(&mut browser, "#found [role=option]", |all| all == [name(0), name(1)]);
+    let ends = "#found [role=option] span:last-child";
+    assert_eq!(texts(&mut browser, ends), ["1PL.BRANCH-0", "1PL.BRANCH-1"]);
+    let mut rects = |selector: &str| browser.done(json!({ "do": "rects", "selector": selector }));
+    let (rows, ends) = (rects("#found [role=option]"), rects(ends));
+    let right = |place: &Value| place["x"].as_f64().unwrap() + place["width"].as_f64().unwrap() / 2.0;
+    for row in 0..2 {
+        assert!(right(&ends[row]) <= right(&rows[row]), "{} is beyond {}", ends[row], rows[row]);
+    }
 }

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { type TestContext, test } from "node:test";
 import { signal } from "@preact/signals";
 import { Finding } from "../src/objects/finding.ts";
-import { summaryOf } from "../src/objects/searchBox.tsx";
+import { parted, summaryOf } from "../src/objects/searchBox.tsx";
 import { type FoundParts, RefusedError } from "../src/service/service.ts";
 import type { Viewer } from "../src/viewer/viewer.ts";
 
@@ -106,4 +106,25 @@ test("where nothing is found there are examples of queries", () => {
   const none = "Nothing is found. Search for a name or an attribute, such as 20-CE50 or type=VALV.";
   assert.equal(summaryOf({ total: 0, objects: 0 }), none);
   assert.equal(summaryOf({ total: 1, objects: 2000 }), "1 part, 2,000 objects");
+});
+
+test("a name is cut before its last letters, and both pieces are all of it", () => {
+  const names = [
+    "",
+    "/20-2051PL",
+    "ball valve DN 100",
+    "/AREA-20/PIPE-RACK-EAST/20-2051PL-B1",
+    "two\nlines of 𝒳",
+  ];
+  for (const name of names) {
+    const [start = "", end = ""] = parted(name);
+    assert.equal(start + end, name);
+    assert.equal([...end].length, Math.min([...name].length, 12), name);
+  }
+  assert.deepEqual(parted("/AREA-20/PIPE-RACK-EAST/20-2051PL-B1"), [
+    "/AREA-20/PIPE-RACK-EAST/",
+    "20-2051PL-B1",
+  ]);
+  // A letter of two code units is not cut apart.
+  assert.deepEqual(parted("ab𝒳23456789012"), ["ab", "𝒳23456789012"]);
 });

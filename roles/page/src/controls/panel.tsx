@@ -13,7 +13,7 @@ export function Panel({
   readonly children: ComponentChildren;
 }) {
   return (
-    <div class="panel frame">
+    <div class="panel frame" id={`panel-${name}`}>
       <header>
         <h2>{name}</h2>
         <Button text="×" aria-label={`Close ${name}`} onClick={onClose} />

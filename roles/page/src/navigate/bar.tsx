@@ -1,9 +1,10 @@
 /** Controls of navigation: the mode, the speed, the field of view, and help on keys. */
 
+import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useRef } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
-import { type Row, Rows } from "../controls/rows.tsx";
+import { lazy } from "../controls/lazy.tsx";
 import type { Mode, Navigator } from "./navigator.ts";
 
 const MODES: readonly (readonly [Mode, string, string])[] = [
@@ -12,40 +13,7 @@ const MODES: readonly (readonly [Mode, string, string])[] = [
   ["orbit", "Orbit", "3"],
 ];
 
-/** The effects of keys, mouse and fingers. */
-const HELP: readonly Row[] = [
-  ["W A S D, arrows", "walk, and turn"],
-  ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
-  ["right button, two fingers", "move across; where you walk: go"],
-  ["Shift", "faster"],
-  ["wheel", "nearer or farther; where you walk, and with Shift: speed"],
-  ["Space", "jump; fly up"],
-  ["E, Q", "fly up and down"],
-  ["PageUp, PageDown", "look up and down"],
-  ["1, 2, 3", "walk, fly, orbit"],
-  ["+, −", "field of view; in parallel, nearer or farther"],
-  ["R", "parallel lines, for elevations at one scale; and back"],
-  ["click", "pick an object; with Ctrl or Shift one more"],
-  ["Alt+click, U", "pick the group around it, and again the next larger one"],
-  ["K", "the level of clicks: primitive, part, equipment, system"],
-  ["F, H, I, X", "go there, hide, isolate, see-through"],
-  ["G", "all the rest as ghosts; again, and all is solid"],
-  ["L", "show it in the tree"],
-  ["Shift+H", "show all, and cut nothing"],
-  ["Ctrl+Z, Ctrl+Y", "undo, redo"],
-  ["/", "search, and all of a kind"],
-  ["?", "these keys; again, and they close"],
-  ["T, B, M, Y, V, P", "the model as a tree, sections, distances, colours, views, status"],
-  ["J", "where you are, and go to coordinates"],
-  ["N", "notes"],
-  ["O", "clashes"],
-  ["Home, Shift+F", "see all that is shown, from a corner or from this side"],
-  ["4 to 9, 0", "front, back, left, right, top, bottom; from a corner"],
-  ["Alt+←, Alt+→", "back to the place before a jump, and forward"],
-  ["no key", "edges of objects come once the picture rests"],
-  ["Escape", "back to the picture; take back a point; pick nothing"],
-  ["Tab; arrows and Space", "the next control; use it"],
-];
+const KeyList = lazy(async () => (await import("./keyList.tsx")).KeyList);
 
 export function NavigationBar({
   navigator,
@@ -56,10 +24,12 @@ export function NavigationBar({
   readonly children: ComponentChildren;
 }) {
   const help = useRef<HTMLDialogElement>(null);
+  const isListed = useSignal(false);
   const isFlat = navigator.projection.value === "parallel";
   const showHelp = () => {
     // The dialog gets key events from now on, including their release.
     navigator.release();
+    isListed.value = true;
     const dialog = help.current;
     dialog?.showModal();
     // Its button has the focus, below the list.
@@ -103,7 +73,7 @@ export function NavigationBar({
           }
         }}
       >
-        <Rows rows={HELP} />
+        {isListed.value && <KeyList />}
         <form method="dialog">
           <button type="submit">Close</button>
         </form>

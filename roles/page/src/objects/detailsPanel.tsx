@@ -79,7 +79,19 @@ function rowsOf(details: PartDetails): readonly Row[] {
     ["size", <Quantities text={sides.join(" × ")} key="size" />],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
-    ...details.attributes,
+    ...details.attributes.map(attributeRow),
     ...(left > 0 ? [["and", `${left.toLocaleString("en")} more attributes`] as const] : []),
+  ];
+}
+
+function attributeRow([name, value]: readonly [string, string]): Row {
+  return [
+    name,
+    <>
+      {value}{" "}
+      <span class="copy">
+        <CopyButton text={value} label={`Copy value of ${name}`} />
+      </span>
+    </>,
   ];
 }

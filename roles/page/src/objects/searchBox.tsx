@@ -197,10 +197,12 @@ function FoundList({
         {Array.from({ length: end - first }, (_, place) => {
           const index = first + place;
           const part = finding.part(index);
+          const name = part === undefined ? "…" : nameOf(part);
           return (
             <Button
-              text={part === undefined ? "…" : nameOf(part)}
-              title={part && nameOf(part)}
+              text={parted(name).map((piece, at) => <span key={at}>{piece}</span>)}
+              title={name}
+              aria-label={name}
               role="option"
               id={`found-${index}`}
               key={index}
@@ -237,6 +239,11 @@ function Fault({ query, fault }: { readonly query: string; readonly fault: Query
 /** The field keeps the focus, so that the list stays open until something is chosen. */
 function keepFocus(event: MouseEvent): void {
   event.preventDefault();
+}
+
+/** The beginning of a name, and its last letters, which show however long it is. */
+export function parted(name: string): readonly string[] {
+  return /^(.*?)(.{0,12})$/su.exec(name)?.slice(1) ?? [name];
 }
 
 /** How much is found. */

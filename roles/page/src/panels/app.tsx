@@ -23,7 +23,7 @@ import { Orientation } from "../tools/orientation.tsx";
 import { ViewsPanel } from "../tools/viewsPanel.tsx";
 import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { keepFocus } from "./focus.ts";
+import { enterPanel, keepFocus } from "./focus.ts";
 import { Hint } from "./hint.tsx";
 import { Messages } from "./messages.tsx";
 
@@ -98,12 +98,11 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       document.getElementById(`open-${panel}`)?.focus();
     }
   };
-  /** Undoes the last measured point, or leaves a panel, or ends measuring, or clears the selection. */
+  /** Leaves a panel, or undoes the last measured point, or ends measuring, or clears the selection. */
   const stepBack = () => {
-    const isInPanel = document.activeElement?.closest(".frame") != null;
+    const isInPanel = document.activeElement?.closest(".frame, .details") != null;
     viewer.canvas.focus({ preventScroll: true });
-    // Leaves a panel first; the selection stays.
-    if (measuring.takeBack() || isInPanel) {
+    if (isInPanel || measuring.takeBack()) {
       return;
     }
     if (measuring.isOn.peek()) {
@@ -123,7 +122,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       if (key === "Escape") {
         stepBack();
       } else if (
-        (key === "Enter" && measuring.closePolygon()) ||
+        (key === "Enter" && !event.repeat && measuring.enter()) ||
         (key === "Backspace" && measuring.takeBack())
       ) {
         event.preventDefault();
@@ -138,13 +137,17 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         look(standard);
       } else if (isPanelKey(key)) {
         event.preventDefault();
-        toggle(PANEL_KEYS[key]);
-      } else if (command?.isPossible()) {
+        const panel = PANEL_KEYS[key];
+        toggle(panel);
+        if (open.peek() === panel) {
+          enterPanel(panel, key);
+        }
+      } else if (command !== undefined) {
+        // The browser would leave the page, or choose from the list that has the focus.
         event.preventDefault();
-        command.run();
-      } else if (command !== undefined && event.altKey) {
-        // The browser would leave the page.
-        event.preventDefault();
+        if (command.isPossible()) {
+          command.run();
+        }
       }
     };
     addEventListener("keydown", press);

@@ -1,4 +1,4 @@
-/** Distances over the picture, and the marker of the snapped point at the pointer. */
+/** Distances over the picture, the marker of the snapped point at the pointer, and the keyboard's crosshair. */
 
 import type { Place } from "../draw/projection.ts";
 import type { Snapped } from "../service/service.ts";
@@ -21,8 +21,12 @@ export function MeasureOverlay({ viewer, measuring }: Properties) {
   if (kept.length === 0 && !measuring.isOn.value) {
     return null;
   }
+  const { width, height } = projection.size;
   return (
     <svg class="overlay" aria-hidden="true">
+      {measuring.takesPoints.value && (
+        <path class="crosshair" d={`M${width / 2 - 14} ${height / 2}h28m-14 -14v28`} />
+      )}
       {[...kept, ...open].map((one, index) => {
         const dimension = dimensionOf(one, projection, unit.value);
         return dimension && <Line key={index} {...dimension} />;

@@ -23,6 +23,8 @@ export class Measuring {
   readonly isOn = signal(false);
   /** The chosen measure. */
   readonly measure = signal<Measure>("points");
+  /** Whether it takes points of the picture. */
+  readonly takesPoints = computed(() => this.isOn.value && this.measure.value !== "parts");
   /** The picked points, until there are enough. */
   readonly #ends = signal<readonly Snapped[]>([]);
   /** The last of them. */
@@ -34,12 +36,14 @@ export class Measuring {
   /** Angles, surfaces and polygons. A view has only distances. */
   readonly findings = signal<readonly Finding[]>([]);
   readonly #viewer: Viewer;
+  /** Whether the last point was picked by the keyboard. */
+  #isByKey = false;
   /** The picked points on full detail, in their order. */
   #settling: Promise<Snapped>[] = [];
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
-    this.hover = new Pointed(viewer, () => this.#takesPoints).hover;
+    this.hover = new Pointed(viewer, () => this.takesPoints.peek()).hover;
   }
 
   toggle(): void {
@@ -53,11 +57,15 @@ export class Measuring {
     this.#forget();
   }
 
-  /** Picks a point, unless parts are picked; on the background it picks none. Returns whether it does. */
-  pick(x: number, y: number): boolean {
-    if (!this.#takesPoints) {
+  /**
+   * Picks a point, unless parts are picked; on the background it picks none. `isByKey` says that there was no
+   * click. Returns whether it does.
+   */
+  pick(x: number, y: number, isByKey = false): boolean {
+    if (!this.takesPoints.peek()) {
       return false;
     }
+    this.#isByKey = isByKey;
     const meant = meantAt(this.#viewer, x, y);
     const measure = this.measure.peek();
     if (this.#closes(x, y, meant?.shown)) {
@@ -96,6 +104,26 @@ export class Measuring {
       void this.#finish(measure, settling);
     }
     return true;
+  }
+
+  /**
+   * The key Enter: closes the polygon whose corners were clicked. Otherwise it picks the point at the
+   * crosshair, if that shows. Returns whether there is something to do.
+   */
+  enter(): boolean {
+    if (!this.#isByKey && this.corners.peek().length > 0) {
+      return this.closePolygon();
+    }
+    const { canvas, said } = this.#viewer;
+    if (!this.takesPoints.peek() || !canvas.matches(":focus-visible")) {
+      return false;
+    }
+    const [x, y] = [canvas.clientWidth / 2, canvas.clientHeight / 2];
+    if (this.#viewer.pick(x, y) === undefined) {
+      said.value = "There is nothing at the crosshair.";
+    }
+    this.hover.value = undefined;
+    return this.pick(x, y, true);
   }
 
   /** Measures the polygon of the picked corners. Returns whether there are any. */
@@ -148,10 +176,6 @@ export class Measuring {
       (first !== undefined && corners.length >= FEWEST && isNear(first, { x, y }, REACH)) ||
       (last !== undefined && again !== undefined && isNear(last, again, SAME))
     );
-  }
-
-  get #takesPoints(): boolean {
-    return this.isOn.peek() && this.measure.peek() !== "parts";
   }
 
   #forget(): void {
