@@ -135,6 +135,8 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     walks(&mut browser, "a way from a slider");
     assert_eq!(focused(&mut browser)["name"], slider, "it keeps the keyboard");
     press(&mut browser, "p");
+    browser.done(json!({ "do": "tab", "name": "Details for support" }));
+    press(&mut browser, "Enter");
     let list = "the device's queriesa count of pixelsa hierarchical Z-buffer";
     browser.done(json!({ "do": "tab", "name": list }));
     let before = state(&mut browser);

@@ -314,6 +314,11 @@ fn texts_can_be_read_in_light_and_in_dark_panels_and_the_model_stays_as_it_is() 
         for panel in ["t", "b", "m", "j", "y", "n", "o", "v", "p"] {
             press(&mut browser, panel);
             browser.done(json!({ "do": "wait", "milliseconds": 300 }));
+            if panel == "p" {
+                browser.done(json!({ "do": "tab", "name": "Details for support" }));
+                press(&mut browser, "Enter");
+                browser.done(json!({ "do": "wait", "milliseconds": 300 }));
+            }
             texts += lowest(&mut browser, &format!("{scheme}, panel {panel}"));
             press(&mut browser, panel);
         }
