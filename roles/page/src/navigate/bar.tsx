@@ -33,6 +33,7 @@ const HELP: readonly Row[] = [
   ["L", "show it in the tree"],
   ["Shift+H", "show all, and cut nothing"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
+  ["Ctrl+P", "print the picture"],
   ["/", "search, and all of a kind"],
   ["?", "these keys; again, and they close"],
   ["T, B, M, Y, V, P", "the model as a tree, sections, distances, colours, views, status"],
