@@ -185,6 +185,7 @@ const PICTURES = {
   async status(page) {
     await press(page, "p");
     await page.locator(".status tr").first().waitFor();
+    await page.locator(".status summary").click();
     // Its chart is of the last second.
     await turn(page, 40);
   },

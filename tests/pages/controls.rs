@@ -135,6 +135,8 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     walks(&mut browser, "a way from a slider");
     assert_eq!(focused(&mut browser)["name"], slider, "it keeps the keyboard");
     press(&mut browser, "p");
+    browser.done(json!({ "do": "tab", "name": "Details for support" }));
+    press(&mut browser, "Enter");
     let list = "the device's queriesa count of pixelsa hierarchical Z-buffer";
     browser.done(json!({ "do": "tab", "name": list }));
     let before = state(&mut browser);
@@ -619,9 +621,13 @@ fn a_finger_can_do_all_of_it_on_a_phone() {
             let is_field = target["tag"] == "input" || target["tag"] == "select";
             assert!(!is_field || number(&target["letters"]) >= 16.0, "{what}: {target}");
             assert_eq!(target["isMet"], true, "{what}: something is over {target}");
+            assert_eq!(target["isInReach"], true, "{what}: the screen cuts {target}");
         }
     };
     check(&mut browser, "at first");
+    // The help is in sight without scrolling.
+    let help = browser.done(json!({ "do": "rects", "selector": "#open-keys" }))[0].take();
+    assert!(number(&help["x"]) + number(&help["width"]) / 2.0 <= 390.0, "{help}");
     // Something is picked, and another one beside it.
     browser.done(json!({ "do": "stand", "eye": [0.0, 4.0, 4.0], "forward": [0.0, -0.45, -0.9] }));
     press(&mut browser, "2");
@@ -631,6 +637,11 @@ fn a_finger_can_do_all_of_it_on_a_phone() {
         tap(&mut browser, name);
         browser.done(json!({ "do": "wait", "milliseconds": 300 }));
         check(&mut browser, name);
+        if name == "Status" {
+            tap(&mut browser, "Details for support");
+            browser.done(json!({ "do": "wait", "milliseconds": 300 }));
+            check(&mut browser, "the details for support");
+        }
         if name == "Model" {
             tap(&mut browser, "What is in boxes.obj");
             tap(&mut browser, "Show box1");
@@ -672,6 +683,15 @@ fn a_finger_can_do_all_of_it_on_a_phone() {
     becomes(&mut browser, "walking", |now| now["mode"] == "walk");
     assert!(targets(&mut browser).iter().any(|target| target["name"] == "Jump"));
     check(&mut browser, "walking");
+    // With its own bars a browser leaves less of the screen.
+    browser.done(json!({ "do": "resize", "width": 390, "height": 664 }));
+    look(&mut browser);
+    check(&mut browser, "a lower screen");
+    tap(&mut browser, "Standard views");
+    check(&mut browser, "the standard views on a lower screen");
+    for name in ["Whole model", "Keys", "Top", "Parallel"] {
+        assert!(targets(&mut browser).iter().any(|target| target["name"] == name), "{name}");
+    }
 }
 
 /// The script and the style come compressed, and not at all if the browser has them.

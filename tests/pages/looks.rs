@@ -206,6 +206,18 @@ fn a_saved_picture_has_its_dimensions_and_a_plan_has_its_north() {
             assert_eq!((upper, lower, letter), (0, 0, 0));
         }
     }
+
+    // The person's own text is in the caption, also of the next picture.
+    let letters = |image: &RgbImage| count(image, 0..600, 800..828, |pixel| pixel[0] < 200);
+    let plain = letters(&image::open(bench.path("north.png")).unwrap().to_rgb8());
+    open_dialog(&mut browser);
+    browser.done(json!({ "do": "fill", "label": "Text in the caption", "text": "For the review" }));
+    let worded = letters(&save(&mut browser, "boxes", &bench.path("worded.png")));
+    assert!(plain > 50 && worded > plain + 100, "{plain} and {worded} pixels of letters");
+    close_dialog(&mut browser);
+    open_dialog(&mut browser);
+    assert_eq!(letters(&save(&mut browser, "boxes", &bench.path("again.png"))), worded);
+    close_dialog(&mut browser);
 }
 
 /// A service that culls for pictures of at most 1000x800 pixels.
@@ -276,7 +288,22 @@ fn a_picture_is_printed_alone_on_one_page() {
         assert!((side(0) - width).abs() < 2.0 && (side(1) - height).abs() < 2.0, "{paper}: {pages:?}");
     }
     close_dialog(&mut browser);
+    let is_alone = |browser: &mut Browser, what: &str| {
+        let pages = browser.done(json!({ "do": "paper", "times": 3 }));
+        let pages = pages.as_array().unwrap();
+        assert_eq!(pages.len(), 1, "{what}: {pages:?}");
+        let [width, height] = [0, 1].map(|axis| number(&pages[0][axis]));
+        assert!((width - 842.0).abs() < 2.0 && (height - 595.0).abs() < 2.0, "{what}: {pages:?}");
+        assert_eq!(browser.done(json!({ "do": "rects", "selector": ".sheet" })), json!([]), "{what}");
+    };
     assert_eq!(browser.done(json!({ "do": "rects", "selector": ".sheet" })), json!([]));
+    // The browser's key prints the same picture without the dialog.
+    press(&mut browser, "Control+p");
+    let size = browser.done(json!({ "do": "image", "selector": ".sheet img" }));
+    assert!(number(&size[0]) > 900.0, "finer than the screen: {size}");
+    is_alone(&mut browser, "by the key");
+    // Its menu asks nobody: the picture is that of the screen, without the panels.
+    is_alone(&mut browser, "by the menu");
 }
 
 /// The lowest contrast of a text in the page.
@@ -314,6 +341,11 @@ fn texts_can_be_read_in_light_and_in_dark_panels_and_the_model_stays_as_it_is() 
         for panel in ["t", "b", "m", "j", "y", "n", "o", "v", "p"] {
             press(&mut browser, panel);
             browser.done(json!({ "do": "wait", "milliseconds": 300 }));
+            if panel == "p" {
+                browser.done(json!({ "do": "tab", "name": "Details for support" }));
+                press(&mut browser, "Enter");
+                browser.done(json!({ "do": "wait", "milliseconds": 300 }));
+            }
             texts += lowest(&mut browser, &format!("{scheme}, panel {panel}"));
             press(&mut browser, panel);
         }

@@ -176,16 +176,29 @@ fn a_note_brings_back_camera_sections_and_hidden_parts_and_others_answer() {
     rows(&mut browser, &["Second"]);
     browser.done(json!({ "do": "choose", "label": "Author", "value": "everybody" }));
 
-    // Closed, it leaves the list of open ones.
+    // Closed, it is struck through and can be opened again. It leaves the list of open ones with the panel.
+    let struck = ".notes li.closed > .link";
     button(&mut browser, "Flange <leaks>");
     button(&mut browser, "Close note");
+    for browser in [&mut browser, &mut other] {
+        reads(browser, struck, |texts| texts == ["Flange <leaks>"]);
+        rows(browser, &["Second", "Flange <leaks>"]);
+    }
+    button(&mut browser, "Open again");
+    reads(&mut browser, struck, |texts| texts.is_empty());
+    button(&mut browser, "Close note");
+    reads(&mut browser, struck, |texts| texts == ["Flange <leaks>"]);
+    press(&mut browser, "n");
+    press(&mut browser, "n");
     rows(&mut browser, &["Second"]);
-    rows(&mut other, &["Second"]);
     browser.done(json!({ "do": "choose", "label": "Status", "value": "closed" }));
     rows(&mut browser, &["Flange <leaks>"]);
     button(&mut browser, "Flange <leaks>");
     button(&mut browser, "Open again");
-    rows(&mut browser, &[]);
+    reads(&mut browser, ".notes .note button", |texts| texts.iter().any(|text| text == "Close note"));
+    rows(&mut browser, &["Flange <leaks>"]);
+    browser.done(json!({ "do": "choose", "label": "Status", "value": "open" }));
+    rows(&mut browser, &["Second", "Flange <leaks>"]);
     browser.done(json!({ "do": "choose", "label": "Status", "value": "all" }));
     button(&mut browser, "Flange <leaks>");
     button(&mut browser, "Delete note");
@@ -293,7 +306,7 @@ fn a_note_is_written_by_touch_on_a_phone() {
         assert!(!is_field || number(&target["letters"]) >= 16.0, "{target}");
     }
     tap(&mut browser, "Close note");
-    rows(&mut browser, &[]);
+    reads(&mut browser, ".notes li.closed > .link", |texts| texts == ["From the deck"]);
     assert_eq!(kept(&bench)[0]["status"], "closed");
 }
 

@@ -306,6 +306,19 @@ fn a_page_walks_on_over_another_network() {
     browser.done(json!({ "do": "settle" }));
     // By a click: its key would give the arrows to the first list in the panel.
     browser.done(json!({ "do": "button", "name": "Status" }));
+    // Plain words come first. The figures for support are there once they are opened.
+    let plain = (0..600).find_map(|_| {
+        browser.done(json!({ "do": "wait", "milliseconds": 25 }));
+        let figures = browser.done(json!({ "do": "figures" }));
+        (figures["Picture"] == "complete and exact").then_some(figures)
+    });
+    let plain = plain.unwrap_or_else(|| panic!("the status never says that the picture is exact"));
+    assert!(plain["Link"].as_str().unwrap().contains("an answer takes"), "{plain}");
+    assert!(plain["Scene"].as_str().unwrap().starts_with("plant, "), "{plain}");
+    assert_eq!(plain["Service"], service.at, "{plain}");
+    assert!(plain.get("wrong pixels").is_none(), "{plain}");
+    browser.done(json!({ "do": "tab", "name": "Details for support" }));
+    browser.done(json!({ "do": "press", "key": "Enter" }));
     let mut eyes = vec![browser.done(json!({ "do": "look" }))["eye"].take()];
     for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("none", 0.0)] {
         let choice = json!({ "do": "choose", "label": "Simulated network to the culler", "value": network });

@@ -7,6 +7,7 @@ import { showCooking } from "./panels/cooking.tsx";
 import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
 import { flyDown, isMotionReduced } from "./tools/overview.ts";
+import { coverPrints } from "./tools/pictures/sheet.ts";
 import { followLink } from "./tools/viewsPanel.tsx";
 import { hasRestarted, Viewer } from "./viewer/viewer.ts";
 
@@ -33,6 +34,7 @@ async function begin(): Promise<void> {
     const viewer = new Viewer(canvas, scene, service, network);
     window.trimaran = viewer;
     showPanels(panels, viewer);
+    coverPrints(viewer);
     if (hasRestarted()) {
       viewer.said.value = `The service shows another model now: ${scene.name}.`;
     }

@@ -500,10 +500,13 @@ function focused(): { name: string; tag: string; shows: boolean } {
   return { name: name.trim(), tag: element?.tagName.toLowerCase() ?? "", shows };
 }
 
-/** Usable controls: name, place, size of letters, and whether a finger there meets it. Runs in the page. */
+/**
+ * Usable controls: name, place, size of letters, whether a finger there meets it, and whether all of it is on
+ * the screen or can be scrolled there. Runs in the page.
+ */
 function targets(wanted: string): unknown {
   const controls = document.querySelectorAll<HTMLElement>(
-    "button, input, select, label.file, [role=treeitem] > .link",
+    "button, input, select, summary, label.file, [role=treeitem] > .link",
   );
   return [...controls].flatMap((control) => {
     const name = (control.getAttribute("aria-label") ?? control.textContent ?? "").trim();
@@ -521,7 +524,11 @@ function targets(wanted: string): unknown {
     const met = document.elementFromPoint(x, y);
     const letters = Number.parseFloat(getComputedStyle(control).fontSize);
     const isMet = met !== null && (control.contains(met) || met.contains(control));
-    return [{ name, tag: control.tagName.toLowerCase(), x, y, width, height, letters, isMet }];
+    const bar = control.closest(".bar");
+    const isClipped = bar !== null && getComputedStyle(bar).overflowX === "hidden";
+    const isWithin = left > -1 && top > -1 && left + width < innerWidth + 1 && top + height < innerHeight + 1;
+    const isInReach = isWithin && !isClipped;
+    return [{ name, tag: control.tagName.toLowerCase(), x, y, width, height, letters, isMet, isInReach }];
   });
 }
 

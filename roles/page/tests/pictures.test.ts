@@ -195,6 +195,7 @@ test("a scale bar has a round length", () => {
 test("a caption names the model, the subject and the day, and scales at a distance", () => {
   const caption: Caption = {
     title: "plant",
+    text: "",
     subject: "20-CE50",
     date: new Date(2031, 0, 5, 23, 59),
     focus: 20,
@@ -203,6 +204,8 @@ test("a caption names the model, the subject and the day, and scales at a distan
   };
   assert.deepEqual(textsOf(caption), ["plant", "20-CE50", "2031-01-05"]);
   assert.deepEqual(textsOf({ ...caption, subject: "" }), ["plant", "2031-01-05"]);
+  const own = { ...caption, text: " For the review " };
+  assert.deepEqual(textsOf(own), ["plant", "For the review", "20-CE50", "2031-01-05"]);
   // A pixel is 1 cm there: the longest bar of 180 pixels is one of a metre.
   const strip = { top: 0, width: 1000, height: 30, metresEach: 0.01 / 20 };
   const bar = barOf(caption, strip);

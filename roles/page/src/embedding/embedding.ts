@@ -127,6 +127,7 @@ async function pictureOf(
   const wish = { size: size ?? screen, keepsShape: size === undefined, isCaptioned };
   const taken = await takePicture(viewer, {
     layout: layoutOf(wish, screen, { width, height }),
+    text: "",
     subject: picked?.name ?? "",
     picked,
     hasDimensions: false,

@@ -55,6 +55,7 @@ export const KEYS: readonly (readonly [group: string, rows: readonly Row[]])[] =
     [
       ["T, Y, O, N", "the hierarchy as a tree, colours, clashes, notes"],
       ["V, P, J", "views, status, where you are"],
+      ["Ctrl+P", "print the picture"],
       ["/", "search names and attributes"],
       ["?", "the list of keys in the page; again, and it closes"],
       ["Tab; Space, Enter, arrows", "go to the next button, list or tree; use it"],

@@ -13,6 +13,7 @@ import {
   change,
   coded,
   list,
+  type Note,
   type NotedView,
   type NoteList,
   type Status,
@@ -40,6 +41,8 @@ export class Notes {
   /** Filters of the list; empty for all. */
   readonly status = signal<Status | "">("open");
   readonly author = signal("");
+  /** The notes that have passed the filters: one that somebody closes stays, and does not seem lost. */
+  readonly #met = signal<ReadonlySet<string>>(new Set());
   /** The name that the person has given. */
   readonly name = signal(stored(NAME));
   /** Why the service does not answer. */
@@ -47,11 +50,12 @@ export class Notes {
   readonly #key = keptKey();
   #watchers = 0;
 
-  /** The notes that pass the filters, the newest first. */
+  /** The notes that pass the filters, or have passed them, the newest first. */
   readonly shown = computed(() => {
-    const [status, author] = [this.status.value, this.author.value];
-    const passes = (note: { status: Status; author: string }) =>
-      (status === "" || note.status === status) && (author === "" || note.author === author);
+    const [status, author, met] = [this.status.value, this.author.value, this.#met.value];
+    const passes = (note: Note) =>
+      met.has(note.guid) ||
+      ((status === "" || note.status === status) && (author === "" || note.author === author));
     return (this.list.value?.notes ?? []).filter(passes).reverse();
   });
 
@@ -78,7 +82,15 @@ export class Notes {
     }
     return () => {
       this.#watchers -= 1;
+      if (this.#watchers === 0) {
+        this.#met.value = new Set();
+      }
     };
+  }
+
+  /** Filters the list anew. Empty for all. */
+  filter(status: Status | "", author: string): void {
+    [this.#met.value, this.status.value, this.author.value] = [new Set(), status, author];
   }
 
   /** Writes a note about the view as it is. Returns whether the service has kept it. */
@@ -188,6 +200,7 @@ export class Notes {
     if (now === undefined) {
       return;
     }
+    this.#met.value = new Set([...this.#met.peek(), ...this.shown.peek().map(({ guid }) => guid)]);
     this.list.value = now;
     const open = this.open.peek();
     const same = now.notes.find(({ guid }) => guid === open?.guid);

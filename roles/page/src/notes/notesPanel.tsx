@@ -69,22 +69,18 @@ export function NotesPanel({
           label="Status"
           options={STATUSES}
           value={notes.status.value}
-          onChoose={(status) => {
-            notes.status.value = status;
-          }}
+          onChoose={(status) => notes.filter(status, notes.author.value)}
         />{" "}
         <Choice
           label="Author"
           options={["", ...notes.authors.value].map((value) => ({ value, text: value || "everybody" }))}
           value={notes.author.value}
-          onChoose={(author) => {
-            notes.author.value = author;
-          }}
+          onChoose={(author) => notes.filter(notes.status.value, author)}
         />
       </div>
       <ul aria-label="Notes">
         {notes.shown.value.map((note) => (
-          <li key={note.guid}>
+          <li key={note.guid} class={notes.status.value === "closed" ? "" : note.status}>
             <Row notes={notes} note={note} isOpen={open?.guid === note.guid} />
             {open?.guid === note.guid && <Open notes={notes} note={open} mayWrite={list.mayWrite} />}
           </li>

@@ -20,7 +20,7 @@ import { KeptViewpoints } from "../tools/kept.ts";
 import { MeasureOverlay } from "../tools/measureOverlay.tsx";
 import { Measuring } from "../tools/measuring.ts";
 import { Orientation } from "../tools/orientation.tsx";
-import { ViewsPanel } from "../tools/viewsPanel.tsx";
+import { nameOfView, ViewsPanel } from "../tools/viewsPanel.tsx";
 import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { enterPanel, keepFocus } from "./focus.ts";
@@ -98,6 +98,13 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       document.getElementById(`open-${panel}`)?.focus();
     }
   };
+  /** Prints the picture as its dialog does. */
+  const print = async () => {
+    people.follow(undefined);
+    const { printNow } = await import("../tools/pictures/printNow.ts");
+    const picked = selection.details.peek();
+    await printNow(viewer, picked?.name || nameOfView(viewer, kept.list.peek()), picked);
+  };
   /** Leaves a panel, or undoes the last measured point, or ends measuring, or clears the selection. */
   const stepBack = () => {
     const isInPanel = document.activeElement?.closest(".frame, .details") != null;
@@ -126,6 +133,10 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         (key === "Backspace" && measuring.takeBack())
       ) {
         event.preventDefault();
+      } else if (key === "Ctrl+P") {
+        event.preventDefault();
+        // Without the service's file the browser prints what the screen shows.
+        print().catch(() => window.print());
       } else if (event.key === "?") {
         event.preventDefault();
         if (!event.repeat) {

@@ -1,14 +1,13 @@
-/** The page's figures, and settings that can be changed while it runs. */
+/** How the link, the picture and the page are, in plain words; figures for support are below them. */
 
-import { type Signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Choice, type Option } from "../controls/choice.tsx";
+import { Choice } from "../controls/choice.tsx";
 import { type Row, Rows } from "../controls/rows.tsx";
 import { chooseTheme, THEMES, type Theme, theme } from "../controls/theme.ts";
-import type { OcclusionTest } from "../proto/settings.ts";
-import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
-import type { Cullers, Viewer } from "../viewer/viewer.ts";
-import { TimelineChart } from "./timelineChart.tsx";
+import type { Viewer } from "../viewer/viewer.ts";
+import { plainRows } from "./plainRows.ts";
+import { SupportDetails } from "./supportDetails.tsx";
 
 const THEME_NAMES: Readonly<Record<Theme, string>> = {
   system: "as the system has them",
@@ -18,122 +17,49 @@ const THEME_NAMES: Readonly<Record<Theme, string>> = {
 /** Milliseconds between two updates. */
 const PERIOD = 500;
 
-const EPSILONS = [0.5, 1, 2, 4, 8, 16].map((value) => ({ value, text: String(value) }));
-const TESTS: readonly Option<OcclusionTest>[] = [
-  { value: "query", text: "the device's queries" },
-  { value: "raster", text: "a count of pixels" },
-  { value: "hzb", text: "a hierarchical Z-buffer" },
-];
-const CULLERS: readonly Option<Cullers>[] = [
-  { value: "1", text: "one" },
-  { value: "2", text: "two, each for itself" },
-  { value: "switch", text: "two that take turns, as in the paper" },
-  { value: "3", text: "three" },
-  { value: "4", text: "four" },
-];
-const MEMORIES = [16, 32, 64, 128, 256, 512, 1024].map((mebibytes) => ({
-  value: mebibytes * 2 ** 20,
-  text: String(mebibytes),
-}));
-
 export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
   const rows = useSignal<readonly Row[]>([]);
+  /** Its figures cost time while the eye moves: there are none while it is closed. */
+  const hasDetails = useSignal(false);
   useEffect(() => {
     let [pictures, time] = [viewer.pictures, performance.now()];
-    const audit = new LiveAudit(viewer);
-    const stop = audit.start();
     const look = () => {
       const now = performance.now();
-      const aSecond = (1000 * (viewer.pictures - pictures)) / (now - time);
-      rows.value = rowsOf(viewer, aSecond, audit.found.peek());
+      const { display, session, scene } = viewer;
+      rows.value = plainRows({
+        isLinked: display?.isOver === false,
+        losses: session.losses,
+        latency: display?.latency ?? 0,
+        isExact: viewer.isExact,
+        framesPerSecond: (1000 * (viewer.pictures - pictures)) / (now - time),
+        memory: viewer.renderer.bytes,
+        mostMemory: viewer.memory.peek(),
+        service: location.host,
+        scene: scene.name,
+        objects: scene.objects,
+      });
       [pictures, time] = [viewer.pictures, now];
     };
     const timer = setInterval(look, PERIOD);
-    return () => {
-      clearInterval(timer);
-      stop();
-    };
+    return () => clearInterval(timer);
   }, [viewer]);
   return (
     <section class="panel status" aria-label="Status">
       <Rows rows={rows.value} />
-      <TimelineChart viewer={viewer} />
-      <Setting label="Error of silhouettes, pixels" options={EPSILONS} of={viewer.epsilon} />
-      <Setting label="Hidden or not, says" options={TESTS} of={viewer.occlusionTest} />
-      <Choice
-        label="Cullers"
-        options={CULLERS}
-        value={viewer.cullers.value}
-        onChoose={(cullers) => viewer.share(cullers)}
-      />
-      <Setting label="Geometry kept here, MiB" options={MEMORIES} of={viewer.memory} />
-      <Choice
-        label="Simulated network to the culler"
-        options={[
-          { value: "", text: "none" },
-          ...viewer.scene.networks.map(({ name, about }) => ({ value: name, text: name, title: about })),
-        ]}
-        value={viewer.session.network.value}
-        onChoose={(network) => viewer.session.moveTo(network)}
-      />
       <Choice
         label="Colours of the panels"
         options={THEMES.map((value) => ({ value, text: THEME_NAMES[value] }))}
         value={theme.value}
         onChoose={chooseTheme}
       />
+      <details
+        onToggle={({ currentTarget }) => {
+          hasDetails.value = currentTarget.open;
+        }}
+      >
+        <summary>Details for support</summary>
+        {hasDetails.value && <SupportDetails viewer={viewer} />}
+      </details>
     </section>
   );
-}
-
-/** The choice of a signal's value. */
-function Setting<T>(properties: { label: string; options: readonly Option<T>[]; of: Signal<T> }) {
-  const { of, ...shown } = properties;
-  const choose = (value: T) => {
-    of.value = value;
-  };
-  return <Choice {...shown} value={of.value} onChoose={choose} />;
-}
-
-function rowsOf(viewer: Viewer, picturesASecond: number, audited: Audited | undefined): readonly Row[] {
-  const { display, renderer, canvas } = viewer;
-  const { drawables, triangles, milliseconds: taken } = renderer.drawn;
-  const { cameras = 0, ids = 0 } = display?.counts ?? {};
-  const bytes = display?.bytes;
-  const count = (number: number) => number.toLocaleString("en");
-  const size = (bytes: number) =>
-    bytes < 1e6 ? `${(bytes / 1e3).toFixed(1)} kB` : `${(bytes / 1e6).toFixed(2)} MB`;
-  return [
-    ["pictures a second", picturesASecond.toFixed(0)],
-    ["a picture takes", `${taken.toFixed(1)} ms of this thread`],
-    ["hand to picture", milliseconds(viewer.hand.latency)],
-    ["camera to ids", milliseconds(display?.latency)],
-    ["camera to geometry", milliseconds(display?.geometryLatency)],
-    ["set is old", viewer.isSettled ? "it is exact" : milliseconds(viewer.setAge)],
-    ["wrong pixels", wrong(viewer, audited)],
-    [
-      "visible",
-      audited === undefined ? "" : `${count(audited.visible)} of ${count(audited.drawn)} drawables`,
-    ],
-    ["drawn", `${count(drawables)} drawables, ${count(triangles)} triangles`],
-    ["picture", `${canvas.width} x ${canvas.height}, ${renderer.samples} samples`],
-    ["edges and smoothing", renderer.isFine ? "shown" : "come once the picture rests"],
-    ["geometry here", size(renderer.bytes)],
-    ["cameras sent", `${size(bytes?.latest.sent ?? 0)}; by 72 bytes each ${size(72 * cameras)}`],
-    ["ids received", `${size(bytes?.frames.received ?? 0)}; by 4 bytes each ${size(4 * ids)}`],
-    ["geometry received", size(bytes?.bulk.received ?? 0)],
-    ["device", renderer.device],
-  ];
-}
-
-function milliseconds(time = 0): string {
-  return `${time.toFixed(0)} ms`;
-}
-
-/** The result of the last audited picture. */
-function wrong({ isSettled }: Viewer, audited: Audited | undefined): string {
-  if (isSettled) {
-    return "none: it is exact";
-  }
-  return audited === undefined ? "" : `${audited.wrongPercent.toFixed(3)} %`;
 }

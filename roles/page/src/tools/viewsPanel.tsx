@@ -238,7 +238,8 @@ export function followLink(viewer: Viewer, address: URL): void {
 }
 
 /** The name of the kept view at which the eye is; empty if there is none. */
-function nameOfView({ navigator }: Viewer, kept: readonly KeptViewpoint[]): string {
+/** The name of the kept view that the eye is at; empty if it is at none. */
+export function nameOfView({ navigator }: Viewer, kept: readonly KeptViewpoint[]): string {
   const { eye, forward } = navigator;
   const isHere = ({ viewpoint }: KeptViewpoint) => {
     return distance(viewpoint.eye, eye) <= STILL && distance(viewpoint.forward, forward) <= STILL;

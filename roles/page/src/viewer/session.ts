@@ -17,6 +17,8 @@ export class Session {
   readonly #display = signal<Display | undefined>(undefined);
   /** Why there is no link; empty if there is one. */
   readonly trouble = signal("");
+  /** How often a link has ended other than by this page. */
+  losses = 0;
   /** The simulated network between the page and its culler; empty for none. */
   readonly network: Signal<string>;
   readonly #service: Pick<Service, "link" | "scene">;
@@ -83,6 +85,7 @@ export class Session {
         const end = await over;
         clearTimeout(stands);
         this.trouble.value = troubleOfEnd(end);
+        this.losses += this.trouble.peek() === "" ? 0 : 1;
       } catch (error) {
         const why = await this.#why(error);
         if (why === undefined) {

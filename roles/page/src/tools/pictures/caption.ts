@@ -1,5 +1,6 @@
-/** The caption of a picture: the model, the subject, the date, a scale bar and a north arrow. */
+/** The caption of a picture: the model, a text, the subject, the date, a scale bar and a north arrow. */
 
+import { signal } from "@preact/signals";
 import type { Spot } from "../dimensions.ts";
 import { lengthText, unit } from "../lengths.ts";
 import { textSizeOf } from "./layout.ts";
@@ -18,9 +19,14 @@ const PAPER = "#ffffff";
 const INK = "#1c2530";
 const QUIET = "#4d5863";
 
+/** The text that this person gives to captions. It stays as long as the page is open. */
+export const captionText = signal("");
+
 export interface Caption {
   /** The model's name. */
   readonly title: string;
+  /** The person's own text; empty if there is none. */
+  readonly text: string;
   /** The name of the picked part or of the view; empty if there is none. */
   readonly subject: string;
   readonly date: Date;
@@ -44,10 +50,10 @@ export interface Strip {
 }
 
 /** The texts of a caption from the left. */
-export function textsOf({ title, subject, date }: Caption): readonly string[] {
+export function textsOf({ title, text, subject, date }: Caption): readonly string[] {
   const two = (number: number) => String(number).padStart(2, "0");
   const day = `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
-  return [title, subject, day].filter((text) => text !== "");
+  return [title, text.trim(), subject, day].filter((one) => one !== "");
 }
 
 /** The scale bar: its length in pixels, and its text. Nothing if it would be for no distance. */

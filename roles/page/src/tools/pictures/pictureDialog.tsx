@@ -9,14 +9,18 @@ import { messageOf } from "../../service/errors.ts";
 import type { PartDetails } from "../../service/service.ts";
 import type { Size } from "../../space/size.ts";
 import type { Viewer } from "../../viewer/viewer.ts";
+import { captionText } from "./caption.ts";
 import { type Layout, largest, layoutOf } from "./layout.ts";
-import { clearSheet, PAPERS, type Paper, PRINTED, paperLayout, print } from "./print.ts";
+import { PAPERS, type Paper, PRINTED, paperLayout, print } from "./print.ts";
+import { clearSheet } from "./sheet.ts";
 import { pngOf, takePicture } from "./takePicture.ts";
 
 const SIZES: readonly Size[] = [
   { width: 1920, height: 1080 },
   { width: 3840, height: 2160 },
 ];
+/** The most letters of an own text: more would be too narrow to read. */
+const LONGEST = 80;
 
 interface Properties {
   readonly viewer: Viewer;
@@ -79,6 +83,7 @@ export function PictureDialog({ viewer, subject, picked, onClose }: Properties) 
       const order = {
         layout: layout(),
         printedHeight,
+        text: captionText.peek(),
         subject,
         picked,
         hasDimensions: hasDimensions.peek(),
@@ -133,6 +138,19 @@ export function PictureDialog({ viewer, subject, picked, onClose }: Properties) 
       )}
       <Check text="Keep the proportions of the screen" of={keepsShape} />
       <Check text="Caption" of={isCaptioned} />
+      {isCaptioned.value && (
+        <label>
+          Text in the caption{" "}
+          <input
+            type="text"
+            maxLength={LONGEST}
+            value={captionText.value}
+            onInput={({ currentTarget }) => {
+              captionText.value = currentTarget.value;
+            }}
+          />
+        </label>
+      )}
       {viewer.distances.value.length > 0 && <Check text="Dimensions" of={hasDimensions} />}
       <p>
         <Button text="Save the picture" disabled={work.value !== undefined} onClick={() => void save()} />

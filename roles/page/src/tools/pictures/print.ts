@@ -2,6 +2,7 @@
 
 import type { Size } from "../../space/size.ts";
 import { type Layout, largest, layoutOf } from "./layout.ts";
+import { showSheet } from "./sheet.ts";
 
 /** Landscape. */
 export const PAPERS = ["A4", "A3"] as const;
@@ -28,22 +29,10 @@ export function paperLayout(paper: Paper, isCaptioned: boolean, most: Size): Lay
 
 /** Opens the browser's dialog for printing a picture. */
 export async function print(picture: Blob, paper: Paper): Promise<void> {
-  clearSheet();
-  const sheet = document.createElement("div");
-  sheet.className = `sheet ${paper.toLowerCase()}`;
   const image = document.createElement("img");
   image.alt = "The picture to print";
   image.src = URL.createObjectURL(picture);
-  sheet.append(image);
-  document.body.append(sheet);
+  showSheet(paper, image);
   await image.decode();
   window.print();
-}
-
-/** Removes the picture to print. */
-export function clearSheet(): void {
-  for (const sheet of document.querySelectorAll(".sheet")) {
-    URL.revokeObjectURL(sheet.querySelector("img")?.src ?? "");
-    sheet.remove();
-  }
 }

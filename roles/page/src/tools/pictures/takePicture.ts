@@ -27,6 +27,8 @@ export interface Order {
   readonly layout: Layout;
   /** The height of the file on paper in metres, if it is for paper. */
   readonly printedHeight?: number | undefined;
+  /** A text for the caption. */
+  readonly text: string;
   /** The name of the view or of the picked part, for the caption. */
   readonly subject: string;
   /** The picked part: the scale is for its distance. */
@@ -57,7 +59,7 @@ export async function takePicture(viewer: Viewer, order: Order): Promise<HTMLCan
 
 async function taken(
   viewer: Viewer,
-  { layout, printedHeight, subject, picked, hasDimensions, signal, onProgress }: Order,
+  { layout, printedHeight, text, subject, picked, hasDimensions, signal, onProgress }: Order,
 ): Promise<HTMLCanvasElement> {
   const { file, picture, strip } = layout;
   const own = viewer.camera;
@@ -113,7 +115,7 @@ async function taken(
   if (strip > 0) {
     const isParallel = viewer.navigator.projection.peek() === "parallel";
     const { name: title } = viewer.scene;
-    const caption: Caption = { title, subject, date: new Date(), focus, north, isParallel };
+    const caption: Caption = { title, text, subject, date: new Date(), focus, north, isParallel };
     const metresEach = (2 * tanHalfFov) / picture.height;
     const printedEach = printedHeight && printedHeight / file.height;
     const place = { top: picture.height, width: file.width, height: strip, metresEach, printedEach };
