@@ -74,10 +74,10 @@ impl ReadingArgs {
                 Up::Z => UpAxis::Z,
             }),
             unit: self.unit,
-            plant: PlantFrame {
+            plant: (self.origin.is_some() || self.north.is_some()).then(|| PlantFrame {
                 origin: self.origin.map_or([0.0; 3], |Origin(origin)| origin),
-                north_deg: self.north,
-            },
+                north_deg: self.north.unwrap_or(0.0),
+            }),
             limits: ImportLimits {
                 triangles: self.limits.max_triangles,
                 vertices: self.limits.max_vertices,

@@ -6,6 +6,7 @@ from attributes import Attributes
 from glb import Glb
 from model import Model
 from opening import Refused, opened, parser_errors
+from place import Unplaced, place
 from shapes import shapes, unmeshed
 from tree import Tree
 
@@ -68,9 +69,26 @@ def convert(path, folder, tolerance, is_y_up, name):
             yield node
 
     glb.write(nodes(), [0])
+    # In a file with y up, north is nowhere.
+    if not is_y_up:
+        tell_place(model.file)
     for product, count in Counter(attributes.unread).items():
         tell("unread", count, name_of(model.file.by_id(product)))
     write(1)
+
+
+def tell_place(file):
+    """Prints where the model stands on a map, if the file says it."""
+    try:
+        found = place(file)
+    except (Unplaced, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
+        tell("unplaced", 1, str(error))
+        return
+    if found is not None:
+        frame, scale = found
+        print("plant", *map(repr, frame), flush=True)
+        if scale != 1:
+            tell("scaled", 1, f"{scale:.12g}")
 
 
 def tell(word, count, name):

@@ -10,6 +10,9 @@ It writes FOLDER/model.glb: right-handed, y up, metres. Standard output has a li
   unmeshed COUNT NAME     elements that got no triangles, and so are left out
   spaces COUNT NAME       spaces that are left out
   unread COUNT NAME       sets of properties that cannot be read, and so are left out
+  plant E N U NORTH       the model's origin on a map, metres, and north, degrees clockwise from y
+  scaled COUNT SCALE      lengths on the map over true ones, which moves nothing
+  unplaced COUNT WHY      map conversions that say no place
 and standard error the reason for a failure. The exit code is 0, or 2 for a file that cannot be read, or 3
 where the memory does not suffice, or 4 where the engine cannot be loaded. When its parent ends, or it is told
 to end, it removes the folder.

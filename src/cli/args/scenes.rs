@@ -46,15 +46,13 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
     /// East, north and up of the model's own origin in the plant's coordinates, metres: for models that were
-    /// exported about an origin of their own [default: 0,0,0].
+    /// exported about an origin of their own [default: as an IFC file says, or else 0,0,0].
     #[arg(long, value_name = "E,N,U", value_parser = origin, allow_hyphen_values = true)]
     pub(crate) origin: Option<Origin>,
-    /// Where north is in the files: degrees clockwise from y, seen from above (from -z where y is up).
-    #[arg(
-        long, value_name = "DEGREES", default_value_t = 0.0, value_parser = angle,
-        allow_negative_numbers = true
-    )]
-    pub(crate) north: f64,
+    /// Where north is in the files: degrees clockwise from y, seen from above, or from -z where y is up
+    /// [default: as an IFC file says, or else 0].
+    #[arg(long, value_name = "DEGREES", value_parser = angle, allow_negative_numbers = true)]
+    pub(crate) north: Option<f64>,
     /// How long the converter of STEP, IGES or IFC may make no progress, seconds.
     #[arg(long, value_name = "S", default_value_t = 1800.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) converter_timeout: f64,

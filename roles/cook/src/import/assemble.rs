@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use super::budget::{Budget, OverBudget};
 use super::report::{ImportReport, WarningKind};
-use super::{ImportError, Imported, Part};
+use super::{ImportError, ImportOptions, Imported, Part, PlantFrame};
 use crate::{Mesh, Model, Object, Source};
 use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
 
@@ -131,17 +131,23 @@ pub(super) fn place_own(model: &mut Model, mesh: Mesh, origin: DVec3, name: &str
 /// Joins the files' parts, in order, into one checked model.
 pub(super) fn merge<'a>(
     budget: &Budget,
+    options: &ImportOptions,
     parts: impl IntoIterator<Item = (&'a Path, Result<Part, ImportError>)>,
 ) -> Result<Imported, ImportError> {
     let mut model = Model::default();
     let mut report = ImportReport::default();
     let mut without = Vec::new();
+    let mut plant = options.plant;
     for (path, part) in parts {
-        let Part { model: mut part, report: met } = part?;
+        let Part { model: mut part, report: mut met } = part?;
         let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         part.sources = vec![Source { name: file.clone() }];
         within_file(&mut part, file.clone());
         part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
+        let said = part.coordinates.plant;
+        if options.plant.is_none() && said != PlantFrame::default() && *plant.get_or_insert(said) != said {
+            met.warn(WarningKind::ElsewhereOnMap, 1);
+        }
         report.absorb(met, &file);
         if part.objects.is_empty() {
             without.push(file);
@@ -156,6 +162,7 @@ pub(super) fn merge<'a>(
             report.absorb(of_file, &file);
         }
     }
+    model.coordinates.plant = plant.unwrap_or_default();
     report.looked_for = budget.looked_for();
     report.files = model.sources.len() as u64;
     report.objects = model.objects.len() as u64;

@@ -62,8 +62,9 @@ pub struct ImportOptions {
     /// Metres per unit of length; `None` is each format's own: 1 for OBJ and PLY, 0.001 for RVM and STL. glTF
     /// is in metres by its specification, STEP, IGES and IFC say their unit, and they ignore it.
     pub unit: Option<f64>,
-    /// The plant's coordinates, if they differ from those of the files. No part is moved by it.
-    pub plant: PlantFrame,
+    /// The plant's coordinates; `None` are those that a file says (an IFC file with a map conversion), or else
+    /// those of the files. No part is moved by it.
+    pub plant: Option<PlantFrame>,
     /// The limits.
     pub limits: ImportLimits,
     /// The programs that read STEP, IGES and IFC.
@@ -76,7 +77,7 @@ impl Default for ImportOptions {
             chord_tolerance: 1e-3,
             up: None,
             unit: None,
-            plant: PlantFrame::default(),
+            plant: None,
             limits: ImportLimits::default(),
             converters: Converters::default(),
         }
@@ -95,12 +96,6 @@ pub struct Imported {
 impl Imported {
     /// How many warnings are named when a model has nothing to draw.
     const REASONS: usize = 5;
-
-    /// The same model in a plant of these coordinates.
-    fn within(mut self, plant: PlantFrame) -> Self {
-        self.model.coordinates.plant = plant;
-        self
-    }
 
     /// The model, if it has anything to draw.
     ///
@@ -166,8 +161,7 @@ pub fn import(
             part
         })
         .collect();
-    let imported = assemble::merge(&budget, paths.iter().map(PathBuf::as_path).zip(parts))?;
-    Ok(imported.within(options.plant))
+    assemble::merge(&budget, options, paths.iter().map(PathBuf::as_path).zip(parts))
 }
 
 /// Reads one file that is in memory. `name` decides the format; files that it refers to are not read.
@@ -178,7 +172,7 @@ pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     options.check()?;
     let budget = Budget::new(options.limits);
     let part = read(name, None, bytes, options, &budget, &|_| {});
-    Ok(assemble::merge(&budget, [(name, part)])?.within(options.plant))
+    assemble::merge(&budget, options, [(name, part)])
 }
 
 /// One file's part of the model, its objects in the world frame, with the report.
@@ -266,8 +260,10 @@ impl ImportOptions {
         }
         match self.unit {
             Some(unit) if !positive(unit) => Err(ImportError::Option { option: "unit", value: unit }),
-            _ if !self.plant.is_sound() => Err(ImportError::Plant { plant: self.plant }),
-            _ => Ok(()),
+            _ => match self.plant {
+                Some(plant) if !plant.is_sound() => Err(ImportError::Plant { plant }),
+                _ => Ok(()),
+            },
         }
     }
 
@@ -333,7 +329,7 @@ mod tests {
         );
         for (name, text) in [("a.obj", obj), ("a.stl", stl), ("a.ply", ply)] {
             for (up, unit) in [(None, None), (Some(UpAxis::Y), Some(0.0254)), (Some(UpAxis::Z), Some(2.0))] {
-                let options = ImportOptions { up, unit, plant, ..Default::default() };
+                let options = ImportOptions { up, unit, plant: Some(plant), ..Default::default() };
                 let model = import_bytes(Path::new(name), text.as_bytes(), &options).unwrap().model;
                 assert_eq!(model.coordinates.plant, plant);
                 let [file] = model.coordinates.files[..] else { panic!("{name}: {:?}", model.coordinates) };
@@ -355,7 +351,7 @@ mod tests {
             PlantFrame { origin: [0.0, f64::NAN, 0.0], north_deg: 0.0 },
             PlantFrame { origin: [0.0; 3], north_deg: 400.0 },
         ] {
-            let options = ImportOptions { plant, ..Default::default() };
+            let options = ImportOptions { plant: Some(plant), ..Default::default() };
             let error = import_bytes(Path::new("a.obj"), b"v 0 0 0", &options).unwrap_err();
             assert!(matches!(error, ImportError::Plant { .. }), "{error}");
         }

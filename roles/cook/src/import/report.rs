@@ -145,6 +145,13 @@ pub enum WarningKind {
     SpaceLeftOut,
     /// IFC sets of properties that cannot be read: left out.
     PropertiesUnread,
+    /// IFC map conversions that say no place: left out.
+    MapUnread,
+    /// IFC map conversions whose lengths are not true ones: nothing is scaled, so coordinates far from the
+    /// origin differ by that.
+    MapScaled,
+    /// IFC files that say another place on the map than one before: not moved.
+    ElsewhereOnMap,
     /// RVM groups with an unknown colour number: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
@@ -324,6 +331,9 @@ impl fmt::Display for WarningKind {
             Self::EntityLeftOut => "entities of no known class, or references to none, left out",
             Self::SpaceLeftOut => "spaces left out: they would hide what is in them",
             Self::PropertiesUnread => "sets of properties that cannot be read left out",
+            Self::MapUnread => "map conversions that say no place left out",
+            Self::MapScaled => "map conversions that stretch lengths: nothing is stretched",
+            Self::ElsewhereOnMap => "files that say another place on the map than one before: not moved",
             Self::UnknownColour => "groups without a known colour drawn grey",
             Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
             Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 use trimaran_cook::import::{
-    CadError, Converters, Engine, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind,
-    import,
+    CadError, Converters, Engine, ImportError, ImportLimits, ImportOptions, Imported, PlantFrame, UpAxis,
+    WarningKind, import,
 };
 
 use crate::import_files::{floats, glb, names};
@@ -181,6 +181,31 @@ fn a_converter_is_found_beside_the_program_or_in_path() {
         assert_eq!(engine.find(Some(&elsewhere), Some(&folders)), Some(program));
         assert_eq!(engine.find(Some(&elsewhere), None), None);
     }
+}
+
+/// Of several files the first one that says a place counts, and another place is told.
+#[test]
+fn files_of_several_places_on_a_map_are_told() {
+    let bench = Bench::new(
+        "cp made.glb $3/model.glb\n\
+         case $7 in a) ;; b|c) echo plant 1e6 -2.5 30.0 12.5 ;; d) echo plant 1e6 0.0 30.0 12.5 ;; esac",
+    );
+    fs::write(bench.path("made.glb"), triangle()).unwrap();
+    let read = |names: &[&str], options: &ImportOptions| {
+        let paths: Vec<_> = names.iter().map(|name| bench.path(&format!("{name}.ifc"))).collect();
+        paths.iter().for_each(|path| fs::write(path, STEP).unwrap());
+        import(&paths, options, &mut |_| {}).unwrap()
+    };
+    let place = PlantFrame { origin: [1e6, -2.5, 30.0], north_deg: 12.5 };
+    let found = read(&["a", "b", "c"], &bench.options);
+    assert_eq!((found.model.coordinates.plant, &*found.report.warnings), (place, &[][..]));
+    let found = read(&["b", "a", "d"], &bench.options);
+    assert_eq!(found.model.coordinates.plant, place);
+    let [warning] = &found.report.warnings[..] else { panic!("{:?}", found.report.warnings) };
+    assert_eq!((warning.kind, &*warning.file, warning.count), (WarningKind::ElsewhereOnMap, "d.ifc", 1));
+    let given = PlantFrame { origin: [0.0; 3], north_deg: 0.0 };
+    let found = read(&["b", "d"], &ImportOptions { plant: Some(given), ..bench.options.clone() });
+    assert_eq!((found.model.coordinates.plant, &*found.report.warnings), (given, &[][..]));
 }
 
 #[test]

@@ -9,7 +9,8 @@ use std::process::Command;
 use glam::DVec3;
 use tempfile::TempDir;
 use trimaran_cook::import::{
-    CadError, Converters, ImportError, ImportLimits, ImportOptions, Imported, UpAxis, WarningKind, import,
+    CadError, Converters, ImportError, ImportLimits, ImportOptions, Imported, PlantFrame, UpAxis,
+    WarningKind, import,
 };
 use trimaran_scene::Attribute;
 
@@ -100,6 +101,10 @@ fn an_opening_is_cut_out_of_its_wall_and_what_fills_it_is_in_the_wall() {
     assert_eq!(imported.report.counts(), [(WarningKind::SpaceLeftOut, 1)]);
     assert_eq!(imported.report.warnings[0].objects, ["Room 1"]);
 
+    // The map's scale says that it is in metres.
+    let PlantFrame { origin, north_deg } = imported.model.coordinates.plant;
+    assert_eq!(origin, [500_000.0, 5_400_000.0, 120.0]);
+    assert!((north_deg - 0.6_f64.atan2(0.8).to_degrees()).abs() < 1e-9, "{north_deg}");
     let hierarchy = &imported.model.hierarchy;
     let project = as_map(&hierarchy.groups[1].attributes);
     let place = ["IfcMapConversion.Eastings", "IfcMapConversion.Northings", "IfcProjectedCRS.Name"];
@@ -115,6 +120,47 @@ fn an_opening_is_cut_out_of_its_wall_and_what_fills_it_is_in_the_wall() {
         ("Tag", "W-1"),
     ];
     assert_eq!(wall, BTreeMap::from(expected));
+}
+
+#[test]
+fn a_map_conversion_says_where_the_model_stands_if_it_can_be_understood() {
+    let conversion = "5400000.,120.,0.8,0.6,0.001);";
+    let with = |changes: &[(&str, &str)]| read_text(&changed("wall.ifc", changes)).map(Result::unwrap);
+    let (none, turned) = (PlantFrame::default(), -90.0);
+    let in_metres = PlantFrame { origin: [500_000.0, 5_400_000.0, 120.0], north_deg: 0.0 };
+    let in_millimetres = PlantFrame { origin: [500.0, 5400.0, 0.12], north_deg: 0.0 };
+    let metre = ("#5=IFCC", "#888=IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.);\n#5=IFCC");
+    let map_in_metres = ("'EPSG:25832',$,$,$,$,$,$", "'EPSG:25832',$,$,$,$,$,#888");
+    let own = (
+        "#10=IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-5,#6,$)",
+        "#10=IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-5,#21,$)",
+    );
+    let said = |numbers: &'static str| (conversion, numbers);
+    for (changes, expected, warned) in [
+        (vec![said("5400000.,120.,0.,-1.,0.001);")], PlantFrame { north_deg: turned, ..in_metres }, None),
+        (vec![said("5400000.,120.,$,$,$);")], in_millimetres, None),
+        (vec![said("5400000.,120.,$,$,$);"), metre, map_in_metres], in_metres, None),
+        // A surveyor's grid.
+        (vec![said("5400000.,120.,1.,0.,0.0009996);")], in_metres, Some((WarningKind::MapScaled, "0.9996"))),
+        (
+            vec![said("5400000.,120.,1.,0.,0.5);")],
+            none,
+            Some((WarningKind::MapUnread, "its scale 0.5 does not fit its units")),
+        ),
+        (vec![own], none, Some((WarningKind::MapUnread, "its context has an origin or axes of its own"))),
+    ] {
+        let Some(imported) = with(&changes) else { return };
+        assert_eq!(imported.model.coordinates.plant, expected, "{changes:?}");
+        let mut warnings =
+            imported.report.warnings.iter().filter(|one| one.kind != WarningKind::SpaceLeftOut);
+        let found = warnings.next().map(|one| (one.kind, &*one.objects[0]));
+        assert_eq!((found, warnings.next()), (warned, None), "{changes:?}");
+    }
+    // The flags count more.
+    let plant = PlantFrame { origin: [1.0, 2.0, 3.0], north_deg: 4.0 };
+    let options = ImportOptions { plant: Some(plant), ..ImportOptions::default() };
+    let imported = read_with(&file("wall.ifc"), &options).unwrap().unwrap();
+    assert_eq!(imported.model.coordinates.plant, plant);
 }
 
 #[test]

@@ -19,7 +19,7 @@ pub use error::CadError;
 
 use super::budget::Budget;
 use super::report::WarningKind;
-use super::{Format, ImportOptions, Part, UpAxis, gltf};
+use super::{Format, ImportOptions, Part, PlantFrame, UpAxis, gltf};
 
 /// A format of exact surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -86,7 +86,11 @@ pub(super) fn import(
     command.arg(kind.word()).arg(&input).arg(folder.path());
     command.args([&*options.chord_tolerance.to_string(), up, &*memory.to_string(), stem]);
     let mut left_out = Vec::new();
+    let mut plant = PlantFrame::default();
     process::run(&mut command, engine, options.converters.timeout, memory, |line| {
+        if let Some(said) = line.strip_prefix("plant ").and_then(place) {
+            plant = said;
+        }
         let mut words = line.splitn(3, ' ');
         let (word, number) = (words.next(), words.next().and_then(|number| number.parse::<u64>().ok()));
         let (Some(word), Some(number)) = (word, number) else { return };
@@ -96,6 +100,8 @@ pub(super) fn import(
             "unparsed" => WarningKind::EntityLeftOut,
             "spaces" => WarningKind::SpaceLeftOut,
             "unread" => WarningKind::PropertiesUnread,
+            "unplaced" => WarningKind::MapUnread,
+            "scaled" => WarningKind::MapScaled,
             _ => return,
         };
         left_out.push((kind, number, words.next().unwrap_or_default().to_owned()));
@@ -103,8 +109,16 @@ pub(super) fn import(
     let made = fs::read(folder.path().join("model.glb")).map_err(CadError::Folder)?;
     let frame = ImportOptions { up: None, ..options.clone() };
     let mut part = gltf::import(None, &made, &frame, budget).map_err(Box::new)?;
+    part.model.coordinates.plant = plant;
     for (kind, count, name) in left_out {
         part.report.warn_many(kind, "", &name, count);
     }
     Ok(part)
+}
+
+/// East, north and up of a model's origin, and north.
+fn place(words: &str) -> Option<PlantFrame> {
+    let numbers: Vec<f64> = words.split(' ').map(str::parse).collect::<Result<_, _>>().ok()?;
+    let [e, n, u, north_deg] = numbers[..] else { return None };
+    Some(PlantFrame { origin: [e, n, u], north_deg }).filter(PlantFrame::is_sound)
 }
