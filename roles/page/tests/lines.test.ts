@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { STEPS, strengthOf } from "../src/draw/still.ts";
+import { MotionLook } from "../src/draw/motionLook.ts";
+import { STEPS, stepOf } from "../src/draw/still.ts";
 import { drawing } from "./drawBrowser.ts";
 
 const drawn = drawing();
@@ -16,11 +17,82 @@ const lines = (name: string, draw: () => Darkness, check: (found: Darkness) => v
 type Darkness = Record<string, number>;
 
 test("lines come little by little, and in the mean they are as strong as they are", () => {
-  const strengths = Array.from({ length: STEPS }, (_, step) => strengthOf(step));
+  const strengths = Array.from({ length: STEPS }, (_, step) => stepOf(step, false).strength);
   assert.ok(strengths.every((strength, step) => step === 0 || strength > (strengths[step - 1] ?? 0)));
   assert.ok((strengths[0] ?? 1) < 0.2);
   assert.equal(strengths.reduce((sum, strength) => sum + strength) / STEPS, 1);
+  assert.ok(strengths.every((_, step) => stepOf(step, true).strength === 1));
 });
+
+test("a moving eye has lines only where they cost no time, and a failed trial is seldom repeated", () => {
+  const look = new MotionLook(true);
+  /** Moves for so many frames, which take `without`, or `lined` with lines. Returns how many had lines. */
+  const move = (frames: number, without: number, lined: number) => {
+    let had = 0;
+    for (let frame = 0; frame < frames; frame += 1) {
+      had += look.isOn ? 1 : 0;
+      look.add(look.isOn ? lined : without);
+    }
+    return had;
+  };
+  assert.equal(move(15, 16.7, 16.7), 0);
+  assert.equal(move(1000, 16.7, 17.5), 1000);
+  // Things become heavier.
+  assert.ok(move(60, 16.7, 33.4) <= 30);
+  const trials = move(10_000, 16.7, 33.4) / 15;
+  assert.ok(trials >= 5 && trials <= 8, `${trials} trials`);
+  // Pauses between movements are no intervals.
+  const other = new MotionLook(true);
+  for (let times = 0; times < 100; times += 1) {
+    other.add(16.7);
+    other.add(500);
+    other.rest();
+  }
+  assert.equal(other.isOn, false);
+  // Without a graphics card.
+  const none = new MotionLook(false);
+  for (let frame = 0; frame < 1000; frame += 1) {
+    none.add(16.7);
+  }
+  assert.equal(none.isOn, false);
+});
+
+drawn(
+  "the lines of a moving eye are there at once, and stay once it rests",
+  undefined,
+  () => {
+    const { cameraAt, drawableAt, plate, Stage } = window.draw;
+    const found: Record<string, number> = {};
+    for (const samples of [1, 4]) {
+      const stage = new Stage(64, 64, { samples });
+      stage.set(plate(1, 1, [200, 200, 200]));
+      const drawables = [drawableAt(0, [0, 0, -4]), drawableAt(1, [0.2, 0, -6])];
+      const darkest = () => {
+        const pixels = new Uint8Array(4 * 64 * 64);
+        stage.gl.readPixels(0, 0, 64, 64, stage.gl.RGBA, stage.gl.UNSIGNED_BYTE, pixels);
+        return Math.min(...pixels.filter((_, at) => at % 4 === 0));
+      };
+      for (const isOn of [false, true]) {
+        stage.renderer.motion.isOn = isOn;
+        stage.renderer.draw(cameraAt([0, 0, 0]), drawables);
+        found[`${samples} ${isOn} moving`] = darkest();
+        while (stage.renderer.refine()) {
+          found[`${samples} ${isOn} resting`] ??= darkest();
+        }
+      }
+      stage.end();
+    }
+    return found;
+  },
+  (found) => {
+    for (const samples of [1, 4]) {
+      const [plain, lined] = [found[`${samples} false moving`] ?? 0, found[`${samples} true moving`] ?? 255];
+      assert.ok(lined < 0.7 * plain, JSON.stringify(found));
+      assert.ok((found[`${samples} false resting`] ?? 0) > 0.8 * plain, JSON.stringify(found));
+      assert.ok((found[`${samples} true resting`] ?? 255) < 0.7 * plain, JSON.stringify(found));
+    }
+  },
+);
 
 lines(
   "nothing flat has lines in it, however it is looked along and of whatever it is put together",

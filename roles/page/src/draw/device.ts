@@ -13,7 +13,7 @@ import { fitting, type Region, whole } from "./region.ts";
 import { itemFragment, itemVertex, pictureFragment, pictureVertex } from "./shaders.ts";
 import type { Smoother } from "./smoother.ts";
 import { isSmootherDue, smootherClass } from "./smoothing.ts";
-import { STEPS, Still, shiftOf } from "./still.ts";
+import { IN_MOTION, STEPS, type Step, Still, stepOf } from "./still.ts";
 import { CanvasTarget, type PictureTarget, Target } from "./target.ts";
 import { at, View } from "./view.ts";
 
@@ -66,8 +66,12 @@ export class Device {
     this.#itemBatch = new Batch(gl, this.features);
   }
 
-  /** Draws onto the canvas. */
-  draw(camera: Camera, drawables: readonly Drawable[], look: Look): void {
+  /** Draws onto the canvas; with lines and dark corners, if it is to have them. */
+  draw(camera: Camera, drawables: readonly Drawable[], look: Look, haveLines = false): void {
+    if (haveLines) {
+      this.refine(camera, drawables, look, IN_MOTION);
+      return;
+    }
     this.#drawPicture(this.#pictureTarget, camera, drawables, look);
     this.#pictureTarget.show();
   }
@@ -82,8 +86,8 @@ export class Device {
     return this.#smoother?.smooth(drawables, milliseconds) ?? !isSmootherDue();
   }
 
-  /** Draws a step of the picture of an eye at rest, and shows the mean of the steps so far. */
-  refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: number): void {
+  /** Draws a step of a picture, and shows the mean of the steps so far. */
+  refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: Step): void {
     this.#still ??= new Still(this.#gl);
     this.#drawStep(this.#pictureTarget, this.#still, camera, drawables, look, step);
     this.#still.show();
@@ -106,7 +110,7 @@ export class Device {
     this.#region = region;
     try {
       for (let step = 0; step < STEPS; step += 1) {
-        this.#drawStep(target, still, camera, drawables, look, step);
+        this.#drawStep(target, still, camera, drawables, look, stepOf(step, false));
       }
     } finally {
       this.#region = undefined;
@@ -126,12 +130,11 @@ export class Device {
     camera: Camera,
     drawables: readonly Drawable[],
     look: Look,
-    step: number,
+    step: Step,
   ): void {
     const region = this.#drawn;
-    const [right, up] = shiftOf(step);
-    this.#shift = [right, up];
-    this.#drawPicture(target, camera, drawables, look, true);
+    this.#shift = step.shift;
+    this.#drawPicture(target, camera, drawables, look, step.isSoft);
     still.takePicture(region.width, region.height);
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
     still.beginObjects("opaque");
@@ -143,7 +146,7 @@ export class Device {
       this.#drawItems(camera, drawables, look, "object");
     }
     const { tanX, tanY } = this.#view;
-    still.add(step, region, [tanX, tanY], [right, up], haveLines);
+    still.add(step, region, [tanX, tanY], haveLines);
     this.#shift = [0, 0];
   }
 

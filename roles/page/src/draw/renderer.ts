@@ -6,9 +6,10 @@ import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { leastOf, type Met, metIn } from "./met.ts";
 import { type Camera, type Drawable, type Look, type Mesh, PLAIN, type Triangles } from "./model.ts";
+import { MotionLook } from "./motionLook.ts";
 import type { Region } from "./region.ts";
 import { isSmootherDue, loadSmoother } from "./smoothing.ts";
-import { STEPS } from "./still.ts";
+import { STEPS, stepOf } from "./still.ts";
 
 export { NOTHING } from "./device.ts";
 
@@ -60,8 +61,11 @@ export class Renderer {
   #device: Device | undefined;
   readonly #stats = { calls: 0, drawables: 0, triangles: 0, milliseconds: 0 };
   #last: Picture | undefined;
-  /** Refinement steps in the shown picture. */
+  /** Refinement steps in the shown picture, and whether it had lines before the first. */
   #steps = 0;
+  #haveLines = false;
+  /** Of pictures of a moving eye. */
+  readonly motion: MotionLook;
   readonly depth: Depth;
   readonly drawNumber: DrawNumber;
   /** The device's name, by its driver. */
@@ -86,6 +90,7 @@ export class Renderer {
     this.drawNumber = device.features.multiDraw === null ? "uniform" : "multi-draw";
     this.device = device.features.device;
     this.samples = device.samples;
+    this.motion = new MotionLook(!device.features.isSoftware);
     canvas.addEventListener("webglcontextlost", (event) => {
       // Without this the browser does not restore it.
       event.preventDefault();
@@ -135,8 +140,8 @@ export class Renderer {
   draw(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): void {
     const begun = performance.now();
     this.#last = { camera, drawables, look };
-    this.#steps = 0;
-    this.#device?.draw(camera, drawables, look);
+    [this.#steps, this.#haveLines] = [0, this.motion.isOn];
+    this.#device?.draw(camera, drawables, look, this.#haveLines);
     Object.assign(this.#stats, this.#device?.batch.drawn);
     this.#stats.milliseconds = performance.now() - begun;
     void loadSmoother();
@@ -152,7 +157,7 @@ export class Renderer {
       if (!this.#device.smooth(drawables, SMOOTHING) && (waits || !isSmootherDue())) {
         return true;
       }
-      this.#device.refine(camera, drawables, look, this.#steps);
+      this.#device.refine(camera, drawables, look, stepOf(this.#steps, this.#haveLines));
       this.#steps += 1;
     }
     return this.#steps < STEPS;

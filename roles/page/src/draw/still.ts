@@ -3,7 +3,8 @@
  * corners.
  *
  * It is the mean of several pictures, each shifted by a part of a pixel. It is refined step by step, and can
- * be shown after any step. Lines are painted over the picture, which stays the same.
+ * be shown after any step. Lines are painted over the picture, which stays the same. Where there is time, the
+ * picture of a moving eye is one step of it.
  */
 
 import { Program } from "./program.ts";
@@ -13,13 +14,41 @@ import { STILL_FRAGMENT, WHOLE_VERTEX } from "./shaders.ts";
 /** The number of pictures in the mean. */
 export const STEPS = 8;
 
+/** How one of them is drawn. */
+export interface Step {
+  /** Its share of the mean of those until it. */
+  readonly share: number;
+  /** Its shift, pixels. */
+  readonly shift: readonly [number, number];
+  /** How strong its lines are. */
+  readonly strength: number;
+  /** How far the places are turned that ambient occlusion looks at: turns. */
+  readonly turn: number;
+  /** Whether round surfaces look so: all have their normals. */
+  readonly isSoft: boolean;
+}
+
+/** The only one of a moving eye, which has no time for more. */
+export const IN_MOTION: Step = { share: 1, shift: [0, 0], strength: 1, turn: 0, isSoft: false };
+
+/** Each one of an eye at rest. Lines fade in, unless they were there already. */
+export function stepOf(step: number, haveLines: boolean): Step {
+  return {
+    share: 1 / (step + 1),
+    shift: shiftOf(step),
+    strength: haveLines ? 1 : strengthOf(step),
+    turn: step / STEPS,
+    isSoft: true,
+  };
+}
+
 /** How strong lines are in each of these: they fade in, and have full strength in the mean. */
-export function strengthOf(step: number): number {
+function strengthOf(step: number): number {
   return (2 * (step + 0.5)) / STEPS;
 }
 
 /** The shift of each picture in pixels, from -0.5 to 0.5: points of Halton's sequence. */
-export function shiftOf(step: number): readonly [number, number] {
+function shiftOf(step: number): readonly [number, number] {
   return [halton(step + 1, 2) - 0.5, halton(step + 1, 3) - 0.5];
 }
 
@@ -75,13 +104,12 @@ export class Still {
 
   /**
    * Adds the picture of a region to the mean of the steps before. Takes half of the whole picture's width and
-   * height at distance one, and its shift in pixels.
+   * height at distance one.
    */
   add(
-    step: number,
+    { share, shift: [right, up], strength, turn }: Step,
     region: Region,
     [tanX, tanY]: readonly [number, number],
-    [right, up]: readonly [number, number],
     hasSeeThrough: boolean,
   ): void {
     const gl = this.#gl;
@@ -103,11 +131,11 @@ export class Still {
     gl.uniform2f(this.#program.at("offset"), right - across, up - above);
     gl.uniform2i(this.#program.at("corner"), left, bottom);
     gl.uniform1f(this.#program.at("wholeHeight"), of.height);
-    gl.uniform1f(this.#program.at("strength"), strengthOf(step));
-    gl.uniform1f(this.#program.at("turn"), step / STEPS);
+    gl.uniform1f(this.#program.at("strength"), strength);
+    gl.uniform1f(this.#program.at("turn"), turn);
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
-    gl.blendColor(0, 0, 0, 1 / (step + 1));
+    gl.blendColor(0, 0, 0, share);
     gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.disable(gl.BLEND);

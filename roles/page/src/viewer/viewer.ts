@@ -428,7 +428,8 @@ export class Viewer {
 
   #picture(now: number): void {
     requestAnimationFrame((next) => this.#picture(next));
-    const hasMoved = this.navigator.step((now - this.#last) / 1000);
+    const interval = now - this.#last;
+    const hasMoved = this.navigator.step(interval / 1000);
     this.#last = now;
     this.#isMoved ||= hasMoved;
     const { display } = this;
@@ -457,6 +458,11 @@ export class Viewer {
       display.publish({ ...camera, ...pose }, foreseen !== undefined);
       [this.#published, this.#isMoved] = [now, foreseen !== undefined];
       this.#drawn = undefined;
+    }
+    if (hasMoved) {
+      this.renderer.motion.add(interval);
+    } else {
+      this.renderer.motion.rest();
     }
     if (hasMoved || display.shown !== this.#drawn) {
       const [camera, drawables] = [this.camera, this.shown()];
