@@ -87,6 +87,7 @@ impl Culling {
             #[cfg(feature = "lab")]
             CullingMethod::Exact => Box::new(Exact::new(scene, drawn, size).map_err(opening("opening it"))?),
         };
-        Ok(WholeFrames::new(scene, culler, settings, turns).into())
+        let grid = drawn.gpu().info().sub_pixel_grid;
+        Ok(WholeFrames::new(scene, culler, grid, settings, turns).into())
     }
 }

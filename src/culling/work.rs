@@ -3,7 +3,7 @@
 use std::{borrow::Cow, sync::Arc, time::Duration};
 
 use trimaran_actors::{CullerWork, RoleError, SceneCulling, Stop, Stopwatch, Turns, VisibleIds};
-use trimaran_cull::{CutRule, View, triangles};
+use trimaran_cull::{CutRule, SubPixelGrid, View, triangles};
 use trimaran_gpu::VulkanCuller;
 use trimaran_proto::{
     Camera, CullCounts, DrawableId, FrameNumber, FrameStats, OcclusionTestKind, Settings, ViewState,
@@ -167,6 +167,7 @@ impl WholeFrames {
     pub(super) fn new(
         scene: &Arc<Scene>,
         culler: Box<dyn FrameCuller>,
+        grid: SubPixelGrid,
         settings: &Settings,
         turns: &Turns,
     ) -> Self {
@@ -176,7 +177,7 @@ impl WholeFrames {
             state: (*settings).into(),
             rule: CutRule::new(scene, &(*settings).into()),
             clock: turns.clock(),
-            view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
+            view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport).on_grid(grid),
             last: Vec::new(),
             found: Vec::new(),
             stats: FrameStats::default(),
@@ -195,7 +196,7 @@ impl CullerWork for WholeFrames {
     }
 
     async fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
-        self.view = View::of(camera, &self.state);
+        self.view = View::of(camera, &self.state).on_grid(self.view.grid());
         self.last.clear();
         self.stats = FrameStats { frame: camera.frame(), ..FrameStats::default() };
         Ok(())

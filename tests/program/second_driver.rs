@@ -7,7 +7,7 @@
 
 use std::{
     env,
-    fs::File,
+    fs::{self, File},
     io::BufReader,
     path::{Path, PathBuf},
 };
@@ -108,6 +108,21 @@ const COLOUR: u8 = 2;
 /// One pixel in this many may be unaccounted for: of parts thinner than a pixel one driver's samples may hit
 /// and the other's miss.
 const PIXELS: usize = 500;
+
+/// This driver places corners on a grid of 16 steps to a pixel, the coarsest that Vulkan allows.
+#[test]
+fn walks_that_a_search_has_found_are_exact_on_the_second_driver() {
+    let Some(swiftshader) = swiftshader() else { return };
+    let bench = Bench::empty();
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("lab/audit/tests/kept");
+    let files: Vec<PathBuf> = fs::read_dir(kept).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert!(files.len() > 5);
+    for file in files {
+        let mut command = bench.command(&["audit", "search", "--replay", file.to_str().unwrap()]);
+        let said = printed(&command.env("VK_DRIVER_FILES", &swiftshader).output().unwrap());
+        assert!(said.contains("SwiftShader") && said.contains("no wrong pixel"), "{said}");
+    }
+}
 
 #[test]
 fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_test() {

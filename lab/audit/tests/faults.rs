@@ -12,7 +12,7 @@ use trimaran_audit::cases::{
     Mesh, Object, build, looking, plant, plant_in_pieces, plant_views, with_halved_boxes,
 };
 use trimaran_audit::{Fault, FrameReport, Placement, ReferenceWalkthrough, Testing};
-use trimaran_cull::{DEPTH_ULPS, FalseCullCause, LodRule, OUTLINE_PX, POSITION_ULPS, Viewport};
+use trimaran_cull::{DEPTH_ULPS, FalseCullCause, LodRule, POSITION_ULPS, Viewport};
 use trimaran_scene::Scene;
 
 /// Faults of depth in the plant, as a fraction of the distance. Boxes get nearer by half a pixel over the
@@ -195,9 +195,10 @@ fn faults_of_depth_are_found_out_from_the_size_of_the_allowance_on() {
         Errors::of([walk.frame(&view).unwrap()])
     };
     let rounding = (POSITION_ULPS + DEPTH_ULPS) / f64::from(1 << 24);
-    for (testing, allowance) in
-        [(Testing::Rasterized, rounding), (Testing::Pyramid, rounding + OUTLINE_PX / view.focal_x())]
-    {
+    for (testing, allowance) in [
+        (Testing::Rasterized, rounding),
+        (Testing::Pyramid, rounding + view.grid().outline_px() / view.focal_x()),
+    ] {
         for placement in [Placement::Exact, Placement::Single] {
             for (fault, cause) in [
                 ((|by| Fault::NearerOccluders(by)) as fn(f64) -> Fault, FalseCullCause::OccluderTooNear),

@@ -9,7 +9,7 @@
 //!   own face must still pass ([`DEPTH_ULPS`]). A constant bias of the depth value would be too little near
 //!   the eye and far too much away from it;
 //! - *samples*: a box smaller than a pixel may lie between the pixel centres, and the rasterizer moves
-//!   corners by its sub-pixel step ([`OUTLINE_PX`]);
+//!   corners by its sub-pixel step ([`SubPixelGrid::outline_px`](crate::SubPixelGrid::outline_px));
 //! - *flatness*: a box without thickness has no front. Growing it by the allowances above gives it one in
 //!   every direction.
 //!
@@ -20,10 +20,6 @@ use trimaran_scene::Node;
 
 use crate::frustum::Frustum;
 use crate::{Outline, TestBox, View};
-
-/// How far a box's outline is grown on the screen, in pixels to each side: half a pixel, so that it holds a
-/// pixel centre however small it is, and the sub-pixel step of 1/256.
-pub const OUTLINE_PX: f64 = 0.5 + 1.0 / 256.0;
 
 /// The allowance for rounding, in ulp (2^-24) of the largest number in the computation of a vertex's
 /// position. The vertex stage rounds a translation, nine matrix entries, three products and three sums; the
@@ -78,7 +74,10 @@ impl BoxMaker {
     #[must_use]
     pub fn new(view: &View, outline: Outline) -> Self {
         let growth = match outline {
-            Outline::InBox => (OUTLINE_PX / view.focal_x(), OUTLINE_PX / view.focal_y()),
+            Outline::InBox => {
+                let outline = view.grid().outline_px();
+                (outline / view.focal_x(), outline / view.focal_y())
+            }
             Outline::OnScreen => (0.0, 0.0),
         };
         Self {

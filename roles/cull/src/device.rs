@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
-use crate::{CutRule, DepthImage, Image, OcclusionTest, View};
+use crate::{CutRule, DepthImage, Image, OcclusionTest, SubPixelGrid, View};
 
 /// The class of a device: equal work costs different times on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,6 +32,11 @@ pub trait CullerDevice: OcclusionTest {
     /// Its class, for estimates of costs.
     fn class(&self) -> DeviceClass {
         DeviceClass::default()
+    }
+
+    /// The grid of its rasterizer.
+    fn grid(&self) -> SubPixelGrid {
+        SubPixelGrid::default()
     }
 
     /// Called before the role begins: once `cancel` says so, waits for the device end soon, with an error. A

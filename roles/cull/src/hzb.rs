@@ -10,7 +10,7 @@
 
 use thiserror::Error;
 
-use crate::screen_box::{Footprint, PixelRect, ScreenProjection, ScreenShape, Texel, grown};
+use crate::screen_box::{Footprint, PixelRect, ScreenProjection, ScreenShape, Texel};
 use crate::{DepthImage, DepthPyramid, OcclusionTest, Outline, TestBox, View, Viewport};
 
 /// Texels read for one box before it counts as visible.
@@ -74,8 +74,7 @@ impl<'p> HzbTest<'p> {
 
     /// Whether the box is visible at any pixel.
     fn shows(&mut self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
-        let grown = grown(self.outline);
-        let Some(footprint) = projection.footprint(test_box, grown) else { return true };
+        let Some(footprint) = projection.footprint(test_box, projection.grown) else { return true };
         let Some(pixels) = footprint.pixels else { return false };
         let level_index = pixels.coarse_level().min(self.pyramid.last_level());
         let level = self.pyramid.level(Some(self.image), level_index);
@@ -88,7 +87,7 @@ impl<'p> HzbTest<'p> {
                 }
             }
         }
-        !self.stack.is_empty() && self.shows_at_a_pixel(projection, test_box, &footprint, pixels, grown)
+        !self.stack.is_empty() && self.shows_at_a_pixel(projection, test_box, &footprint, pixels)
     }
 
     /// Follows the texels on the stack down to a pixel at which the box is visible.
@@ -98,9 +97,8 @@ impl<'p> HzbTest<'p> {
         test_box: &TestBox,
         footprint: &Footprint,
         pixels: PixelRect,
-        grown: f64,
     ) -> bool {
-        let shape = ScreenShape::new(projection, test_box, footprint, pixels, grown);
+        let shape = ScreenShape::new(projection, test_box, footprint, pixels);
         let mut looked_at = 0;
         while let Some(texel) = self.stack.pop() {
             looked_at += 1;

@@ -14,19 +14,22 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, ReadError, Scene};
 
 use crate::lod_cut::{Choice, LodCut};
-use crate::{CutRule, View};
+use crate::{CutRule, SubPixelGrid, View};
 
-/// How far the occluders' depth lies behind their surfaces: by its change over this share of a pixel.
+/// How far the occluders' depth lies behind their surfaces on this grid: by its change over this share of a
+/// pixel.
 ///
 /// A device interpolates the depth of a steep triangle with an error, and a surface drawn too near may hide
-/// its own box. Occluders slightly too far hide a little less, and never too much. It is four steps of the
-/// sub-pixel grid of 1/256.
-pub const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
+/// its own box. Occluders slightly too far hide a little less, and never too much. It is four steps.
+#[must_use]
+pub fn grid_bias_px(grid: SubPixelGrid) -> f32 {
+    grid.margin_px() as f32
+}
 
 /// The occluder bias for `view`. With sections it is 0, since the depth decides what they cut away.
 #[must_use]
 pub fn occluder_bias_px(view: &View) -> f32 {
-    if view.sections().is_empty() { OCCLUDER_BIAS_PX } else { 0.0 }
+    if view.sections().is_empty() { grid_bias_px(view.grid()) } else { 0.0 }
 }
 
 /// Why ids cannot be mapped.

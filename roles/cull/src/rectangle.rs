@@ -1,6 +1,6 @@
 //! The classic box test against a depth pyramid, by rectangles on the screen.
 
-use crate::screen_box::{ScreenProjection, grown};
+use crate::screen_box::ScreenProjection;
 use crate::{DepthImage, DepthPyramid, HzbError, OcclusionTest, Outline, TestBox, View};
 
 /// Tests boxes by their screen rectangles: a box is hidden only if its nearest depth is behind the at most
@@ -21,7 +21,7 @@ impl<'p> RectangleTest<'p> {
     }
 
     fn shows(&self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
-        let Some(footprint) = projection.footprint(test_box, grown(Outline::OnScreen)) else { return true };
+        let Some(footprint) = projection.footprint(test_box, projection.grown) else { return true };
         let Some(pixels) = footprint.pixels else { return false };
         let finest = usize::from(self.image.is_none());
         let index = pixels.level_of_four_texels().max(finest).min(self.pyramid.last_level());

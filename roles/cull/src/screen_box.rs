@@ -8,20 +8,16 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::boxes::OUTLINE_PX;
-use crate::{Outline, TestBox, View};
-
-/// Allowance for the rasterizer's sub-pixel grid (1/256) and for rounding here, in pixels.
-pub(crate) const MARGIN_PX: f64 = 1.0 / 64.0;
+use crate::{Outline, SubPixelGrid, TestBox, View};
 
 /// Depths are taken to be nearer by this, relatively: more than the rounding of a division in f32.
 const NEARER: f64 = 1e-6;
 
 /// How far outlines are grown on the screen, in pixels.
-pub(crate) const fn grown(outline: Outline) -> f64 {
+pub(crate) fn grown(outline: Outline, grid: SubPixelGrid) -> f64 {
     match outline {
-        Outline::OnScreen => OUTLINE_PX + MARGIN_PX,
-        Outline::InBox => MARGIN_PX,
+        Outline::OnScreen => grid.outline_px() + grid.margin_px(),
+        Outline::InBox => grid.margin_px(),
     }
 }
 
@@ -85,6 +81,10 @@ pub(crate) struct ScreenProjection {
     last: (f64, f64),
     /// The factor for nearest depths.
     pub(crate) nearer: f64,
+    /// How far from a pixel's centre a surface may lie that covers it, pixels.
+    pub(crate) margin: f64,
+    /// How far outlines are grown, pixels.
+    pub(crate) grown: f64,
 }
 
 /// The screen extent of a box, and its nearest depth.
@@ -103,11 +103,11 @@ impl ScreenProjection {
     /// The rasterizer moves a surface sideways by up to half a sub-pixel step. The steeper the surface, the
     /// more this changes its depth at a pixel: at the edge of a face at a grazing angle it may come out
     /// nearer than any part of the box. A box grown by half a pixel to all sides gets nearer by as much,
-    /// which covers any slope up to 256 metres of depth per metre across. If outlines are only grown on the
-    /// screen, depths get the same allowance here.
+    /// which covers any slope up to 256 metres of depth per metre across on a grid of 256 steps. If outlines
+    /// are only grown on the screen, depths get the same allowance here.
     pub(crate) fn new(view: &View, outline: Outline) -> Self {
         let steepness = match outline {
-            Outline::OnScreen => OUTLINE_PX / view.focal_x().min(view.focal_y()),
+            Outline::OnScreen => view.grid().outline_px() / view.focal_x().min(view.focal_y()),
             Outline::InBox => 0.0,
         };
         let (width, height) = (f64::from(view.viewport().width()), f64::from(view.viewport().height()));
@@ -117,6 +117,8 @@ impl ScreenProjection {
             middle: (0.5 * width, 0.5 * height),
             last: (width - 1.0, height - 1.0),
             nearer: 1.0 + NEARER + steepness,
+            margin: view.grid().margin_px(),
+            grown: grown(outline, view.grid()),
         }
     }
 
@@ -201,6 +203,7 @@ pub(crate) struct ScreenShape {
     farthest: f64,
     middle: (f64, f64),
     grown: f64,
+    margin: f64,
     nearer: f64,
 }
 
@@ -276,7 +279,6 @@ impl ScreenShape {
         test_box: &TestBox,
         footprint: &Footprint,
         pixels: PixelRect,
-        grown: f64,
     ) -> Self {
         let middle = pixels.middle();
         let Planes { fronts, backs } = Planes::new(projection, test_box, middle);
@@ -296,14 +298,15 @@ impl ScreenShape {
             nearest: footprint.nearest,
             farthest: footprint.farthest,
             middle,
-            grown,
+            grown: projection.grown,
+            margin: projection.margin,
             nearer: projection.nearer,
         }
     }
 
     /// The nearest possible depth (reversed) of the box's front at the centres of these pixels.
     pub(crate) fn nearest_over(&self, pixels: PixelRect) -> f64 {
-        let block = self.block(pixels, MARGIN_PX);
+        let block = self.block(pixels, self.margin);
         let front = self
             .fronts
             .iter()
@@ -387,7 +390,10 @@ mod tests {
         assert!((farthest * 6.0 / near - 1.0).abs() < 1e-6, "{farthest}");
         let (pixels, nearest, _) = of(Outline::OnScreen, &test_box, 0.5).unwrap();
         assert_eq!(pixels, Some([35, 67, 35, 51]));
-        assert!((nearest * 5.0 / near - 1.0 - OUTLINE_PX / 80.0).abs() < 2.0 * NEARER, "{nearest}");
+        assert!(
+            (nearest * 5.0 / near - 1.0 - view().grid().outline_px() / 80.0).abs() < 2.0 * NEARER,
+            "{nearest}"
+        );
 
         let moved = |by: Vec3| of(Outline::InBox, &TestBox { centre: test_box.centre + by, ..test_box }, 0.0);
         assert_eq!(moved(Vec3::X * 3.0).unwrap().0, Some([78, 99, 35, 50]), "cut at the last column");
@@ -424,7 +430,7 @@ mod tests {
             let PixelRect { x0, x1, y0, y1 } = found.pixels.unwrap();
             let expected = [left.ceil(), right.floor(), top.ceil(), bottom.floor()];
             assert_eq!([x0, x1, y0, y1].map(|pixel| pixel as f64), expected, "{test_box:?}");
-            let nearest = near / front * (1.0 + OUTLINE_PX / 80.0);
+            let nearest = near / front * (1.0 + view().grid().outline_px() / 80.0);
             assert!((found.nearest / nearest - 1.0).abs() < 1e-5, "{} {nearest}", found.nearest);
             assert!((found.farthest * back / near - 1.0).abs() < 1e-6, "{}", found.farthest);
         }
@@ -491,16 +497,23 @@ mod tests {
                 .map(|axis| (turn * axis * depth * 0.2 * random.between(0.1, 1.0)).as_vec3());
             let test_box = TestBox { centre: middle.as_vec3(), axes };
             let projection = ScreenProjection::new(&view(), Outline::InBox);
-            let Some(footprint) = projection.footprint(&test_box, MARGIN_PX) else { panic!("{test_box:?}") };
+            let Some(footprint) = projection.footprint(&test_box, projection.grown) else {
+                panic!("{test_box:?}")
+            };
             let Some(rect) = footprint.pixels else { continue };
-            let shape = ScreenShape::new(&projection, &test_box, &footprint, rect, MARGIN_PX);
+            let shape = ScreenShape::new(&projection, &test_box, &footprint, rect);
             let slabs = Slabs::of(&test_box);
             for block in (0..4).flat_map(|level| blocks(rect, level)) {
                 // Each front plane's greatest depth is at a corner of the block.
                 let corners =
-                    [block.x0 as f64 + 0.5 - MARGIN_PX, block.x1 as f64 + 0.5 + MARGIN_PX].map(|x| {
-                        [block.y0 as f64 + 0.5 - MARGIN_PX, block.y1 as f64 + 0.5 + MARGIN_PX].map(|y| (x, y))
-                    });
+                    [block.x0 as f64 + 0.5 - projection.margin, block.x1 as f64 + 0.5 + projection.margin]
+                        .map(|x| {
+                            [
+                                block.y0 as f64 + 0.5 - projection.margin,
+                                block.y1 as f64 + 0.5 + projection.margin,
+                            ]
+                            .map(|y| (x, y))
+                        });
                 let greatest = corners
                     .as_flattened()
                     .iter()

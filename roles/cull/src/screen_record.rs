@@ -4,7 +4,7 @@
 //! `ScreenShape`: a device with IEEE 754 rounding gets the same answers, bit by bit.
 
 use crate::hzb::BUDGET;
-use crate::screen_box::{Linear, MARGIN_PX, Planes, ScreenProjection, grown};
+use crate::screen_box::{Linear, Planes, ScreenProjection};
 use crate::{Outline, TestBox, View};
 
 /// A box on the screen, in the shaders' layout.
@@ -53,7 +53,6 @@ pub enum OnScreen {
 #[derive(Debug, Clone, Copy)]
 pub struct ScreenRecords {
     projection: ScreenProjection,
-    grown: f64,
     last_level: usize,
 }
 
@@ -64,7 +63,6 @@ impl ScreenRecords {
         let longest = view.viewport().width().max(view.viewport().height());
         Self {
             projection: ScreenProjection::new(view, outline),
-            grown: grown(outline),
             last_level: longest.next_power_of_two().ilog2() as usize,
         }
     }
@@ -72,7 +70,8 @@ impl ScreenRecords {
     /// Shared by all boxes of the view.
     #[must_use]
     pub const fn margins(&self) -> ScreenMargins {
-        ScreenMargins { grown: self.grown, margin: MARGIN_PX, nearer: self.projection.nearer }
+        let ScreenProjection { grown, margin, nearer, .. } = self.projection;
+        ScreenMargins { grown, margin, nearer }
     }
 
     pub(crate) const fn projection(&self) -> &ScreenProjection {
@@ -87,7 +86,9 @@ impl ScreenRecords {
     /// Classifies a box.
     #[must_use]
     pub fn find(&self, test_box: &TestBox) -> OnScreen {
-        let Some(footprint) = self.projection.footprint(test_box, self.grown) else { return OnScreen::Shows };
+        let Some(footprint) = self.projection.footprint(test_box, self.projection.grown) else {
+            return OnScreen::Shows;
+        };
         let Some(pixels) = footprint.pixels else { return OnScreen::Outside };
         let Planes { fronts, backs } = Planes::new(&self.projection, test_box, pixels.middle());
         let mut planes = [Linear::default(); 6];

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3, DVec4, Mat4, Vec4};
 use trimaran_proto::{Camera, Sections, ViewState};
 
-use crate::Viewport;
+use crate::{SubPixelGrid, Viewport};
 
 /// A camera with a picture of a given size: the one definition of every transform from world to pixel. All
 /// roles use it, so that OR, HC and RVG compute the same positions.
@@ -13,17 +13,18 @@ pub struct View {
     viewport: Viewport,
     to_view: DMat3,
     sections: Sections,
+    grid: SubPixelGrid,
 }
 
 impl View {
-    /// `camera` with a picture of `viewport`'s size, without sections.
+    /// `camera` with a picture of `viewport`'s size, without sections, on the usual grid.
     #[must_use]
     pub fn new(camera: Camera, viewport: Viewport) -> Self {
         // A camera's quaternion has unit length to 1e-6; after normalization, lengths in view space equal
         // those in the world to 1e-15.
         let orientation = DQuat::from_array(camera.orientation()).normalize();
         let to_view = DMat3::from_quat(orientation).transpose();
-        Self { camera, viewport, to_view, sections: Sections::NONE }
+        Self { camera, viewport, to_view, sections: Sections::NONE, grid: SubPixelGrid::default() }
     }
 
     /// `camera` with the view state that it names.
@@ -36,6 +37,18 @@ impl View {
     #[must_use]
     pub const fn with_sections(self, sections: Sections) -> Self {
         Self { sections, ..self }
+    }
+
+    /// The same, drawn by a rasterizer of this grid.
+    #[must_use]
+    pub const fn on_grid(self, grid: SubPixelGrid) -> Self {
+        Self { grid, ..self }
+    }
+
+    /// The rasterizer's grid.
+    #[must_use]
+    pub const fn grid(&self) -> SubPixelGrid {
+        self.grid
     }
 
     /// The sections.

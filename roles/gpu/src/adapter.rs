@@ -3,6 +3,7 @@
 use std::ffi::CStr;
 
 use ash::vk;
+use trimaran_cull::SubPixelGrid;
 
 use crate::error::During as _;
 use crate::gpu_info::{DeviceKind, GpuInfo, HzbPlace};
@@ -137,6 +138,7 @@ impl Adapter {
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
                 missing,
+                sub_pixel_grid: SubPixelGrid::of_bits(limits.sub_pixel_precision_bits),
                 hzb_place: HzbPlace::best(kind, &lacks),
                 lacks,
             },

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use thiserror::Error;
 use trimaran_cull::{
     Answer, Cancel, CullerDevice, CutRule, DepthImage, DepthPyramid, DeviceClass, HzbError, HzbTest,
-    OcclusionTest, Outline, TestBox, View, Viewport, WholeTraversal,
+    OcclusionTest, Outline, SubPixelGrid, TestBox, View, Viewport, WholeTraversal,
 };
 use trimaran_proto::{DeviceTimes, DrawableId, OcclusionTestKind};
 
@@ -30,6 +30,7 @@ const MAPPED_ON_DEVICE: usize = 1000;
 /// The device of a culler.
 pub struct VulkanCuller {
     class: DeviceClass,
+    grid: SubPixelGrid,
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
     hzb_place: HzbPlace,
@@ -62,6 +63,7 @@ impl VulkanCuller {
                 DeviceKind::Cpu => DeviceClass::Cpu,
                 _ => DeviceClass::Gpu,
             },
+            grid: scene.gpu().info().sub_pixel_grid,
             pass: OccluderPass::new(scene, size)?,
             occlusion_test,
             hzb_place: if is_checked { HzbPlace::Device } else { scene.gpu().info().hzb_place },
@@ -85,6 +87,10 @@ impl CullerDevice for VulkanCuller {
 
     fn class(&self) -> DeviceClass {
         self.class
+    }
+
+    fn grid(&self) -> SubPixelGrid {
+        self.grid
     }
 
     fn cancel_on(&mut self, cancel: &Cancel) {

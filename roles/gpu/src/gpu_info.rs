@@ -1,5 +1,7 @@
 //! The properties of a device.
 
+use trimaran_cull::SubPixelGrid;
+
 use crate::device_id::{DeviceUuid, PciAddress};
 use crate::needs::Optional;
 
@@ -46,6 +48,8 @@ pub struct GpuInfo {
     pub missing: Vec<&'static str>,
     /// The missing optional features.
     pub lacks: Vec<Optional>,
+    /// The grid of its rasterizer.
+    pub sub_pixel_grid: SubPixelGrid,
     /// The better place for the depth pyramid's box tests.
     pub hzb_place: HzbPlace,
 }
@@ -78,6 +82,7 @@ pub(crate) fn listed(name: &str, bus: Option<u8>) -> GpuInfo {
         memory: 1 << 30,
         missing: Vec::new(),
         lacks: Vec::new(),
+        sub_pixel_grid: SubPixelGrid::default(),
         hzb_place: HzbPlace::Device,
     }
 }

@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::OCCLUDER_BIAS_PX;
+use trimaran_cull::grid_bias_px;
 use trimaran_scene::Vertex;
 
 use crate::boxes::BoxRecord;
@@ -67,7 +67,7 @@ impl VertexInput {
 pub(crate) enum DepthUse {
     /// Keeps the nearest surface.
     Draw,
-    /// The same, but moves surfaces away by [`OCCLUDER_BIAS_PX`].
+    /// The same, but moves surfaces away by [`grid_bias_px`].
     Occlude,
     /// Passes fragments nearer than the surface or level with it, without writing depth.
     Test,
@@ -114,7 +114,7 @@ impl Pipeline {
             .cull_mode(vk::CullModeFlags::NONE) // of boxes; each run of draws sets its own
             .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
             .depth_bias_enable(desc.depth == DepthUse::Occlude)
-            .depth_bias_slope_factor(-OCCLUDER_BIAS_PX) // depth is reversed
+            .depth_bias_slope_factor(-grid_bias_px(layout.gpu().info().sub_pixel_grid)) // depth is reversed
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);

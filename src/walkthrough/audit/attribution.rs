@@ -55,18 +55,20 @@ pub(super) fn false_culls<D: CullerDevice>(
         return Ok(Vec::new());
     }
     let Some(occluders) = session.draw_occluders(machine, &earlier, record)? else { return Ok(Vec::new()) };
-    let depth = machine.read_depth().map_err(device)?.depth().to_vec();
+    let seen = |camera| views.view(camera).on_grid(machine.grid());
+    let view = seen(record.camera);
     let before: Vec<(View, &[DrawableId])> =
-        before.iter().map(|before| (views.view(before.camera), before.ids.as_slice())).collect();
+        before.iter().map(|before| (seen(before.camera), before.ids.as_slice())).collect();
+    let depth = machine.read_depth().map_err(device)?.depth().to_vec();
     let frame = CulledFrame {
         scene,
-        view: &views.view(record.camera),
+        view: &view,
         rule: &views.rule(scene, &record.camera),
         occluders: &occluders,
         depth: &depth,
         sent: record.stats.as_ref().map(|stats| stats.culling.emitted.into()),
         drawn: &record.ids,
-        bias_px: occluder_bias_px(&views.view(record.camera)),
+        bias_px: occluder_bias_px(&view),
         before: &before,
     };
     let causes = causes(&frame, machine, missing).map_err(device)?;
@@ -88,7 +90,7 @@ impl Session<'_> {
         earlier: &[&FrameRecord],
         record: &FrameRecord,
     ) -> Result<Option<Vec<DrawableId>>, AttributionError> {
-        let view = self.views.view(record.camera);
+        let view = self.views.view(record.camera).on_grid(machine.grid());
         let rule = self.views.rule(self.culler.scene(), &record.camera);
         machine.change_occlusion_test(self.views.of(&record.camera).occlusion_test);
         let source = record.stats.and_then(|stats| stats.occluders_of);

@@ -120,7 +120,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     async fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
-        let view = View::of(camera, &self.state);
+        let view = View::of(camera, &self.state).on_grid(self.device.grid());
         self.view = view;
         let start = self.clock.elapsed();
         self.stats =
@@ -244,7 +244,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         camera: Camera,
         visible: &mut VisibleIds<'_>,
     ) -> Result<(), RoleError> {
-        self.view = View::of(camera, &self.state);
+        self.view = View::of(camera, &self.state).on_grid(self.device.grid());
         let start = nanoseconds(self.clock.elapsed());
         self.stats = FrameStats {
             frame: camera.frame(),

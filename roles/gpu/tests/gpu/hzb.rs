@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{DepthPyramid, HzbTest, OUTLINE_PX, OcclusionTest, Outline, TestBox, View};
+use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, View};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, random::Random};
@@ -187,7 +187,7 @@ fn boxes_that_rounding_decides_on_get_the_hosts_answers() {
     let scene = upload(&gpu, &[wall_between(-200.0, 64.0), wall_between(65.0, 200.0)]);
     let mut pass = pass(&scene, &view);
     pass.draw(&ids(2)).unwrap();
-    let grown = OUTLINE_PX as f32 + 1.0 / 64.0;
+    let grown = (view.grid().outline_px() + view.grid().margin_px()) as f32;
     let mut random = Random::new(14);
     let mut edge = |_| {
         // Few bits, so that the right end is exact.
