@@ -21,4 +21,6 @@ pub use oracle::walk_reference;
 pub use search::{KeptTrial, Opening, Search, SearchCounts, Wrong};
 pub use stability::{Curve, Curves, Point};
 pub use tables::{page, table};
-pub use trial::{Judgement, TrialCulling, TrialOnDevice, TrialWalkError};
+pub use trial::{TrialCulling, TrialOnDevice, TrialWalkError};
+
+pub use crate::walkthrough::Judgement;

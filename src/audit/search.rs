@@ -13,8 +13,9 @@ use trimaran_transport::causes;
 
 use super::{
     CaseWalkError, Figures,
-    trial::{Judgement, TrialCulling, TrialOnDevice, TrialWalkError},
+    trial::{TrialCulling, TrialOnDevice, TrialWalkError},
 };
+use crate::walkthrough::Judgement;
 
 /// Frames of a trial, and the ways in which it is culled: enough that drawing them without culling, and
 /// opening passes, take little of the time.

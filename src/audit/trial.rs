@@ -1,15 +1,12 @@
 //! Walks a trial on a Vulkan device.
 
-use std::{fmt, ops::AddAssign, sync::Arc};
+use std::{fmt, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_audit::{
-    Placement, rasterize,
-    search::{Trial, TrialError},
-};
-use trimaran_cull::{CutRule, Image, View};
+use trimaran_audit::search::{Trial, TrialError};
+use trimaran_cull::Image;
 use trimaran_gpu::{Gpu, GpuError, GpuScene, ItemImage};
 use trimaran_proto::{Camera, DrawableId, LodRule, OcclusionTestKind, Settings, ViewState};
 use trimaran_scene::Scene;
@@ -20,7 +17,7 @@ use super::{
 };
 use crate::{
     comparison::System,
-    walkthrough::{AuditError, Auditor, FrameRecord, ViewStates},
+    walkthrough::{AuditError, Auditor, FrameRecord, Judgement, ViewStates},
 };
 
 /// How a trial is culled.
@@ -72,29 +69,6 @@ struct Truth {
     items: ItemImage,
     /// If something is see-through, which an ID buffer does not show.
     picture: Option<Image>,
-}
-
-/// Pixels that culling changed, by what a rasterizer in f64 shows there.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Judgement {
-    /// It shows what is there with culling: the driver has drawn something in front of what hides it.
-    pub driver: u64,
-    /// It shows what is there without culling: the culler has lost something.
-    pub culler: u64,
-    /// It shows something else: surfaces of one depth, or an edge.
-    pub neither: u64,
-    /// The same solid triangle shows, and what is see-through before it differs. The rasterizer does not
-    /// blend.
-    pub blended: u64,
-}
-
-impl AddAssign for Judgement {
-    fn add_assign(&mut self, other: Self) {
-        self.driver += other.driver;
-        self.culler += other.culler;
-        self.neither += other.neither;
-        self.blended += other.blended;
-    }
 }
 
 /// A trial on a device. The pictures without culling are drawn once.
@@ -188,7 +162,7 @@ impl TrialOnDevice {
         if difference.pixels > 0 {
             let shown = self.auditor.items(record)?;
             let (view, rule) = (self.views.view(record.camera), self.views.rule(&self.scene, &record.camera));
-            judgement.add(&self.scene, &view, &rule, truth, &shown);
+            judgement.add(&self.scene, &view, &rule, &truth.cut, [&truth.items, &shown]);
         }
         Ok(())
     }
@@ -200,94 +174,8 @@ impl fmt::Display for TrialCulling {
     }
 }
 
-impl fmt::Display for Judgement {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { driver, culler, neither, blended } = self;
-        write!(f, "in f64, {driver} are right with culling, {culler} without, {neither} are neither")?;
-        if *blended > 0 {
-            write!(f, "; {blended} differ only in what is see-through")?;
-        }
-        Ok(())
-    }
-}
-
-impl Judgement {
-    /// Whether wrong pixels are right with culling, and none is without.
-    #[must_use]
-    pub const fn is_of_driver(&self) -> bool {
-        self.driver > 0 && self.culler + self.blended == 0
-    }
-
-    fn add(&mut self, scene: &Scene, view: &View, rule: &CutRule, truth: &Truth, shown: &ItemImage) {
-        let pairs = |items: &ItemImage| -> Vec<[u32; 2]> {
-            items
-                .drawable
-                .iter()
-                .zip(&items.triangle)
-                .map(|(drawable, triangle)| [*drawable, *triangle])
-                .collect()
-        };
-        let (whole, shown) = (pairs(&truth.items), pairs(shown));
-        if whole == shown {
-            return;
-        }
-        let solid = rule.divide(scene, &truth.cut, &mut Vec::new());
-        let right = rasterize(scene, view, solid.iter().copied(), Placement::Exact);
-        let right = right
-            .ids()
-            .iter()
-            .map(|id| id.map_or([ItemImage::BACKGROUND; 2], |id| [id.drawable.0, id.triangle]));
-        for ((whole, shown), right) in whole.into_iter().zip(shown).zip(right).filter(|((a, b), _)| a != b) {
-            let count = match right {
-                _ if right == shown => &mut self.driver,
-                _ if right == whole => &mut self.culler,
-                _ => &mut self.neither,
-            };
-            *count += 1;
-        }
-    }
-}
-
 /// The settings of a session that begins with the first of these.
 fn settings(states: &[ViewState], occlusion_test: OcclusionTestKind) -> Option<Settings> {
     let first = states.first()?;
     Some(Settings { occlusion_test, ..Settings::new(first.viewport, first.lod) })
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::{DVec3, Vec3};
-    use trimaran_audit::cases::{Mesh, Object, build, looking};
-    use trimaran_cull::{Viewport, lod_cut};
-
-    use super::*;
-
-    #[test]
-    fn the_rasterizer_says_which_picture_is_wrong() {
-        let wall = Object::new(Mesh::rectangle(Vec3::Y * 2.0, Vec3::X * 9.0, Vec3::Z * 9.0, 1));
-        let scene = build(&[wall], false).unwrap();
-        let view = looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(8, 8).unwrap(), 0).unwrap();
-        let rule = CutRule::from(LodRule::new(1.0).unwrap());
-        let cut = lod_cut(&scene, &view, &rule);
-        let right = rasterize(&scene, &view, cut.iter().copied(), Placement::Exact);
-        let items = |at: usize, drawable: u32| {
-            let mut items = ItemImage { width: 8, height: 8, ..ItemImage::default() };
-            items.drawable = right.ids().iter().map(|id| id.unwrap().drawable.0).collect();
-            items.triangle = right.ids().iter().map(|id| id.unwrap().triangle).collect();
-            items.drawable[at] = drawable;
-            items
-        };
-        let judged = |whole: ItemImage, shown: ItemImage| {
-            let truth = Truth { cut: cut.clone(), items: whole, picture: None };
-            let mut judgement = Judgement::default();
-            judgement.add(&scene, &view, &rule, &truth, &shown);
-            judgement
-        };
-        let (sound, none) = (cut[0].0, Judgement::default());
-        assert_eq!(judged(items(5, sound), items(5, sound)), none);
-        assert_eq!(judged(items(5, sound), items(5, 7)), Judgement { culler: 1, ..none });
-        assert_eq!(judged(items(5, 7), items(5, sound)), Judgement { driver: 1, ..none });
-        assert_eq!(judged(items(5, 7), items(5, 8)), Judgement { neither: 1, ..none });
-        assert_eq!(judged(items(5, 7), items(6, 7)), Judgement { driver: 1, culler: 1, ..none });
-    }
 }

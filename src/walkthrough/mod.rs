@@ -27,7 +27,8 @@ mod view_states;
 
 #[cfg(feature = "lab")]
 pub use audit::{
-    AttributionError, AuditError, AuditPictures, Auditor, CullingDifference, LevelSwitch, Reference,
+    AttributionError, AuditError, AuditPictures, Auditor, CullingDifference, Judgement, LevelSwitch,
+    Reference,
 };
 pub use compose::FrameRecord;
 pub use devices::{SceneOnDevices, WalkthroughError};

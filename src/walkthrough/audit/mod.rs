@@ -3,6 +3,7 @@
 mod attribution;
 mod deviation;
 mod due;
+mod judgement;
 mod popping;
 mod reference;
 
@@ -26,6 +27,7 @@ pub use attribution::AttributionError;
 #[cfg(test)]
 pub(super) use deviation::finest_below;
 pub(super) use due::DueAudits;
+pub use judgement::Judgement;
 pub use popping::LevelSwitch;
 pub use reference::{CullingDifference, Reference};
 use reference::{Drawn, FullDetail};

@@ -7,9 +7,9 @@ use trimaran_cull::{Image, ImageDifference, draw_order, lod_cut};
 use trimaran_gpu::{GpuError, ItemImage};
 use trimaran_proto::{Camera, DrawableId, ViewState};
 
-use crate::report::Frame;
+use crate::report::schema::{FalseCull, FalseCullCause, Frame};
 
-use super::{AuditError, Auditor, items_of};
+use super::{AuditError, Auditor, Judgement, items_of};
 use crate::walkthrough::{FrameRecord, count_objects, redraw::fingerprint};
 
 /// A frame's LOD cut without culling.
@@ -34,6 +34,8 @@ pub struct Reference {
 pub struct CullingDifference {
     /// Pixels that differ from the picture without culling.
     pub pixels: u64,
+    /// Those of them that a rasterizer in f64 shows as they are with culling.
+    pub right_pixels: u64,
     /// Exactly visible nodes that were not drawn.
     pub lost_nodes: u64,
 }
@@ -47,6 +49,10 @@ impl Reference {
         frame.triangles_exact = self.triangles;
         frame.cut_mismatch_pixels = Some(difference.pixels);
         frame.false_culled_nodes = Some(difference.lost_nodes);
+        if difference.right_pixels > 0 {
+            let (nodes, pixels) = (difference.lost_nodes, difference.right_pixels);
+            frame.false_culls = vec![FalseCull { cause: FalseCullCause::HiddenInF64, nodes, pixels }];
+        }
         frame.full_detail = self.error;
     }
 }
@@ -106,13 +112,24 @@ impl Auditor {
         let lost = |id: &&DrawableId| drawn.binary_search_by_key(&id.0, |id| id.0).is_err();
         let lost_nodes = reference.exact.iter().filter(lost).count() as u64;
         if record.picture == Some(reference.picture) {
-            return Ok(CullingDifference { pixels: 0, lost_nodes });
+            return Ok(CullingDifference { pixels: 0, right_pixels: 0, lost_nodes });
         }
         let (mut shown, mut unculled) = (Image::default(), Image::default());
         self.picture(record, &mut shown)?;
         self.unculled(record.camera, &mut unculled)?;
         let pixels = mismatching_pixels(&ImageRef::of(&shown)?, &ImageRef::of(&unculled)?)?;
-        Ok(CullingDifference { pixels, lost_nodes })
+        let right_pixels = if pixels > 0 { self.judged(record)?.driver } else { 0 };
+        Ok(CullingDifference { pixels, right_pixels, lost_nodes })
+    }
+
+    /// Judges the pixels at which a drawn frame differs from the same frame without culling.
+    fn judged(&mut self, record: &FrameRecord) -> Result<Judgement, GpuError> {
+        let (cut, whole) = self.unculled_items(record.camera)?;
+        let shown = self.items(record)?;
+        let (view, rule) = self.redrawer.seen_from(&record.camera);
+        let mut judgement = Judgement::default();
+        judgement.add(&self.redrawer.scene, &view, &rule, &cut, [&whole, &shown]);
+        Ok(judgement)
     }
 
     /// The LOD cut of a frame without culling, and the triangle at each pixel of it.
@@ -152,7 +169,7 @@ impl Auditor {
             .zip(shown.drawable.iter().zip(&shown.triangle))
             .filter(|(unculled, shown)| unculled != shown)
             .count();
-        Ok(CullingDifference { pixels: pixels as u64, lost_nodes: lost.nodes.len() as u64 })
+        Ok(CullingDifference { pixels: pixels as u64, right_pixels: 0, lost_nodes: lost.nodes.len() as u64 })
     }
 }
 
