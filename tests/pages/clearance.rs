@@ -254,7 +254,7 @@ fn clashes_are_found_shown_and_saved() {
 }
 
 #[test]
-fn whoever_closes_the_clashes_has_the_view_of_before() {
+fn closing_the_clashes_gives_back_the_view_of_before() {
     let Some((_bench, _service, mut browser)) = before_it([1000, 700]) else { return };
     click(&mut browser, front(3));
     becomes(&mut browser, "a pick", |now| now["selected"] == json!([3]));

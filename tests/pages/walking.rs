@@ -57,7 +57,7 @@ fn a_wall_stops_who_walks_and_stairs_lead_up() {
 }
 
 #[test]
-fn who_walks_where_no_floor_is_below_is_told_once() {
+fn a_walk_with_no_floor_below_is_told_once() {
     let bench = Bench::empty();
     bench.write("house.obj", house());
     bench.done(&["import", "house.obj", "-o", "house.scene"]);
