@@ -161,7 +161,8 @@ impl TrialOnDevice {
         figures.add(number, difference.pixels, difference.lost_nodes);
         if difference.pixels > 0 {
             let shown = self.auditor.items(record)?;
-            let (view, rule) = (self.views.view(record.camera), self.views.rule(&self.scene, &record.camera));
+            let view = self.views.view(record.camera).on_grid(self.drawn.gpu().info().sub_pixel_grid);
+            let rule = self.views.rule(&self.scene, &record.camera);
             judgement.add(&self.scene, &view, &rule, &truth.cut, [&truth.items, &shown]);
         }
         Ok(())

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use thiserror::Error;
-use trimaran_cull::{CutRule, Image, View};
+use trimaran_cull::{CutRule, Image, SubPixelGrid, View};
 use trimaran_gpu::{GpuError, GpuScene, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::Scene;
@@ -38,6 +38,7 @@ pub type GivesUp = Arc<dyn Fn() -> bool + Send + Sync>;
 pub struct Redrawer {
     pub(super) scene: Arc<Scene>,
     pub(super) views: ViewStates,
+    grid: SubPixelGrid,
     pictures: PicturePass,
     pub(super) is_given_up: Option<GivesUp>,
 }
@@ -57,6 +58,7 @@ impl Redrawer {
         Ok(Self {
             scene: Arc::clone(scene),
             views,
+            grid: drawn.gpu().info().sub_pixel_grid,
             pictures: PicturePass::new(drawn, size)?,
             is_given_up: None,
         })
@@ -99,7 +101,7 @@ impl Redrawer {
     }
 
     pub(super) fn seen_from(&self, camera: &Camera) -> (View, CutRule) {
-        (self.views.view(*camera), self.views.rule(&self.scene, camera))
+        (self.views.view(*camera).on_grid(self.grid), self.views.rule(&self.scene, camera))
     }
 
     pub(super) fn draw(

@@ -422,6 +422,8 @@ fn a_page_goes_on_with_several_cullers_and_with_two_that_take_turns() {
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     // By a click: its key would give the arrows to the first list in the panel.
     browser.done(json!({ "do": "button", "name": "Status" }));
+    browser.done(json!({ "do": "tab", "name": "Details for support" }));
+    browser.done(json!({ "do": "press", "key": "Enter" }));
     let mut before = browser.done(json!({ "do": "look" }));
     let eye = before["eye"].clone();
     let [x, y, z, w]: [f64; 4] = serde_json::from_value(before["orientation"].clone()).unwrap();

@@ -1,14 +1,11 @@
 //! Rasterizes one triangle, by the rules of the Vulkan specification (chapter "Rasterization").
 //!
-//! Corners snap to a grid of 1/256 pixel; a pixel is covered if its centre is inside by exact integer edge
+//! Corners snap to the grid of the view; a pixel is covered if its centre is inside by exact integer edge
 //! functions, or on a top or left edge; both windings are drawn. Depth is near / distance, which is linear on
 //! the screen, interpolated in f64.
 
 use glam::{DVec2, DVec3};
 use trimaran_cull::View;
-
-/// Sub-pixel positions per pixel, in each direction (8 bits).
-const SUBPIXELS: f64 = 256.0;
 
 /// The guard band: triangles are clipped this far from the picture's middle, in pixels, to keep the integers
 /// small.
@@ -39,12 +36,14 @@ pub fn rasterize_triangle(view: &View, corners: [DVec3; 3], mut cover: impl FnMu
     clip(&mut polygon, |p| -p.z * GUARD_PX + p.x * fx);
     clip(&mut polygon, |p| -p.z * GUARD_PX - p.y * fy);
     clip(&mut polygon, |p| -p.z * GUARD_PX + p.y * fy);
+    let steps = f64::from(view.grid().steps());
     let screen: Vec<Corner> = polygon
         .iter()
         .map(|p| {
             let inverse = -1.0 / p.z;
             let at = middle + DVec2::new(fx * p.x * inverse, -fy * p.y * inverse);
-            Corner { x: snap(at.x), y: snap(at.y), depth: (near * inverse).min(1.0) }
+            let [x, y] = [at.x, at.y].map(|pixels| (pixels * steps).round_ties_even() as i64);
+            Corner { x, y, depth: (near * inverse).min(1.0) }
         })
         .collect();
     let [first, rest @ ..] = screen.as_slice() else { return };
@@ -60,10 +59,6 @@ struct Corner {
     x: i64,
     y: i64,
     depth: f64,
-}
-
-fn snap(pixels: f64) -> i64 {
-    (pixels * SUBPIXELS).round_ties_even() as i64
 }
 
 /// Keeps the part of a convex polygon where `side` is at least 0 (Sutherland and Hodgman, 1974).
@@ -98,7 +93,7 @@ fn fill(view: &View, [a, mut b, mut c]: [Corner; 3], cover: &mut impl FnMut(Cove
         area = -area;
     }
     let (width, height) = (i64::from(view.viewport().width()), i64::from(view.viewport().height()));
-    let step = SUBPIXELS as i64;
+    let step = i64::from(view.grid().steps());
     let pixel_range = |low: i64, high: i64, size: i64| {
         (low - step / 2).div_euclid(step).max(0)..=high.div_euclid(step).min(size - 1)
     };

@@ -20,10 +20,16 @@ impl SubPixelGrid {
         }
     }
 
+    /// How many steps a pixel has.
+    #[must_use]
+    pub const fn steps(self) -> u16 {
+        1 << self.bits
+    }
+
     /// A step, in pixels.
     #[must_use]
     pub fn step_px(self) -> f64 {
-        (-f64::from(self.bits)).exp2()
+        1.0 / f64::from(self.steps())
     }
 
     /// How far a box's outline is grown on the screen, in pixels to each side: half a pixel, so that it holds

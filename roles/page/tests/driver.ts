@@ -659,15 +659,15 @@ function look(): unknown {
 }
 
 /**
- * Runs in the page. Timers of 5 to 10 s, which end messages and marks, run when time is told to pass: a
- * machine under load may take longer than that to look.
+ * Runs in the page. Timers of 5 to 10 s, which end messages and marks, and those of 1.5 s, which confirm a copy,
+ * run when time is told to pass: a machine under load may take longer than that to look.
  */
 function holdTimers(): void {
   const held = new Map<number, () => void>();
   const [start, stop] = [window.setTimeout, window.clearTimeout];
   Object.assign(window, {
     setTimeout(run: () => void, milliseconds = 0, ...given: unknown[]) {
-      const isHeld = milliseconds > 5000 && milliseconds < 10_000;
+      const isHeld = milliseconds === 1500 || (milliseconds > 5000 && milliseconds < 10_000);
       const timer = start(isHeld ? () => {} : run, milliseconds, ...given);
       if (isHeld) {
         held.set(timer, run);

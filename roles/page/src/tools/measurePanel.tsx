@@ -39,8 +39,7 @@ export function MeasurePanel({ viewer, measuring, children }: Properties) {
       <p>
         {MEASURES[measure].hint}
         {measure !== "parts" &&
-          " The marker shows what is met: a vertex, an edge or a face. Escape takes back." +
-            " By keyboard, go to the picture with Escape; Enter takes what is at the crosshair."}
+          " The marker shows what is met: a vertex, an edge or a face. Escape takes back."}
       </p>
       {measure === "polygon" && (
         <Button
