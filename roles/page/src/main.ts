@@ -8,7 +8,7 @@ import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
 import { flyDown, isMotionReduced } from "./tools/overview.ts";
 import { coverPrints } from "./tools/pictures/sheet.ts";
-import { followLink } from "./tools/viewsPanel.tsx";
+import { followLink } from "./tools/views.ts";
 import { hasRestarted, Viewer } from "./viewer/viewer.ts";
 
 declare global {

@@ -11,7 +11,7 @@ import type { Part, PartDetails } from "../service/service.ts";
 import { layoutOf } from "../tools/pictures/layout.ts";
 import { pngOf, takePicture } from "../tools/pictures/takePicture.ts";
 import { decodeViewpoint, encodeViewpoint, foreign } from "../tools/viewpoint.ts";
-import { goTo, viewpointOf } from "../tools/viewsPanel.tsx";
+import { goTo, viewpointOf } from "../tools/views.ts";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { Gate, possibleOrigins } from "./gate.ts";

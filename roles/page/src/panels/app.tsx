@@ -20,7 +20,6 @@ import { KeptViewpoints } from "../tools/kept.ts";
 import { MeasureOverlay } from "../tools/measureOverlay.tsx";
 import { Measuring } from "../tools/measuring.ts";
 import { Orientation } from "../tools/orientation.tsx";
-import { nameOfView, ViewsPanel } from "../tools/viewsPanel.tsx";
 import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { enterPanel, keepFocus } from "./focus.ts";
@@ -43,6 +42,7 @@ const NotesOverlay = lazy(async () => (await import("../notes/notesOverlay.tsx")
 const NotesPanel = lazy(async () => (await import("../notes/notesPanel.tsx")).NotesPanel);
 const ClashPanel = lazy(async () => (await import("../clearance/clashPanel.tsx")).ClashPanel);
 const Things = lazy(async () => (await import("../clearance/things.tsx")).Things);
+const ViewsPanel = lazy(async () => (await import("../tools/viewsPanel.tsx")).ViewsPanel);
 const StatusPanel = lazy(async () => (await import("./statusPanel.tsx")).StatusPanel);
 
 /** Panels of which one is open at a time, with their keys. */
@@ -102,6 +102,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
   const print = async () => {
     people.follow(undefined);
     const { printNow } = await import("../tools/pictures/printNow.ts");
+    const { nameOfView } = await import("../tools/views.ts");
     const picked = selection.details.peek();
     await printNow(viewer, picked?.name || nameOfView(viewer, kept.list.peek()), picked);
   };
