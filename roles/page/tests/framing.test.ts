@@ -1,4 +1,4 @@
-/** What an overview frames, and which pixel a click beside an object means. */
+/** The frame of an overview, and the pixel that a click beside an object means. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
