@@ -71,18 +71,20 @@ def convert(path, folder, tolerance, is_y_up, name):
     glb.write(nodes(), [0])
     # In a file with y up, north is nowhere.
     if not is_y_up:
-        tell_place(model.file)
+        tell_place(model)
     for product, count in Counter(attributes.unread).items():
         tell("unread", count, name_of(model.file.by_id(product)))
     write(1)
 
 
-def tell_place(file):
+def tell_place(model):
     """Prints where the model stands on a map, if the file says it."""
     try:
-        found = place(file)
-    except (Unplaced, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
-        tell("unplaced", 1, str(error))
+        found = place(model)
+    except MemoryError:
+        raise
+    except Exception as error:  # of the engine: the model is none the worse for it
+        tell("unplaced", 1, str(error) if isinstance(error, Unplaced) else f"{type(error).__name__}: {error}")
         return
     if found is not None:
         frame, scale = found

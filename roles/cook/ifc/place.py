@@ -13,9 +13,14 @@ class Unplaced(Exception):
     """The map conversion says no place."""
 
 
-def place(file):
+def place(model):
     """East, north and up of the model's origin in metres, and north in degrees clockwise from y; then the
     scale of the map's lengths. Nothing if the file has no map conversion."""
+    file = model.file
+    # Its coordinates may be latitude and longitude.
+    for operation in model.of_class("IfcRigidOperation"):
+        if operation.FirstCoordinate.is_a("IfcPlaneAngleMeasure"):
+            raise Unplaced("its coordinates are angles")
     conversion = file.by_type("IfcProject") and get_helmert_transformation_parameters(file)
     if not conversion:
         return None
@@ -41,8 +46,8 @@ def unit_of_map(file):
 
 
 def scaled(conversion, unit, map_unit):
-    """Metres per unit of the map, and how many metres of the map a metre is there. A map that says no unit has
-    the project's, or else metres, whichever makes sense of the scale."""
+    """Metres per unit of the map, and how many metres of the map a metre is there. A map that says no unit
+    has the project's, or else metres, whichever makes sense of the scale."""
     if conversion.scale == 1.0 and conversion.factor_x == 1.0:
         # Many files say no scale where the units differ.
         return map_unit or unit, 1.0

@@ -143,7 +143,7 @@ function clashesOfTen(): { clashes: Clashes; view: ViewHistory } {
   return { clashes: new Clashes(viewer, selection), view };
 }
 
-test("leaving the clashes gives back the view of before, with all that was shown and measured meanwhile", () => {
+test("leaving the clashes gives back the view of before, with all that was measured meanwhile", () => {
   for (const rest of ["ghosts", "hidden"] as const) {
     const { clashes, view } = clashesOfTen();
     clashes.rest.value = rest;

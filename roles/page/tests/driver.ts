@@ -659,8 +659,8 @@ function look(): unknown {
 }
 
 /**
- * Runs in the page. Timers of 5 to 10 s, which end messages and marks, and those of 1.5 s, which confirm a copy,
- * run when time is told to pass: a machine under load may take longer than that to look.
+ * Runs in the page. Timers of 5 to 10 s, which end messages and marks, and those of 1.5 s, which confirm a
+ * copy, run when time is told to pass: a machine under load may take longer than that to look.
  */
 function holdTimers(): void {
   const held = new Map<number, () => void>();

@@ -51,7 +51,7 @@ test("an overview frames what is shown, and asks only where something is not", a
   ]);
 });
 
-test("an overview without an answer is of the whole model, and of its shape where its box is the same", async () => {
+test("an overview without an answer is of the whole model, and of its shape where its box is equal", async () => {
   for (const answer of [
     () => Promise.reject(new Error("the service is away")),
     () => Promise.resolve({ min: [...CORE.min], max: [...CORE.max] } as const),

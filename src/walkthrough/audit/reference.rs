@@ -34,7 +34,7 @@ pub struct Reference {
 pub struct CullingDifference {
     /// Pixels that differ from the picture without culling.
     pub pixels: u64,
-    /// Those of them that a rasterizer in f64 shows as they are with culling.
+    /// Those of them that a rasterizer in f64 shows as they are with culling; 0 where it was not asked.
     pub right_pixels: u64,
     /// Exactly visible nodes that were not drawn.
     pub lost_nodes: u64,

@@ -62,8 +62,8 @@ pub struct ImportOptions {
     /// Metres per unit of length; `None` is each format's own: 1 for OBJ and PLY, 0.001 for RVM and STL. glTF
     /// is in metres by its specification, STEP, IGES and IFC say their unit, and they ignore it.
     pub unit: Option<f64>,
-    /// The plant's coordinates; `None` are those that a file says (an IFC file with a map conversion), or else
-    /// those of the files. No part is moved by it.
+    /// The plant's coordinates; `None` are those that a file says (IFC with a map conversion), or else those of
+    /// the files. No part is moved by it.
     pub plant: Option<PlantFrame>,
     /// The limits.
     pub limits: ImportLimits,

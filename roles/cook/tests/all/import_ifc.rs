@@ -122,6 +122,9 @@ fn an_opening_is_cut_out_of_its_wall_and_what_fills_it_is_in_the_wall() {
     assert_eq!(wall, BTreeMap::from(expected));
 }
 
+/// A place by its latitude and longitude.
+const DEGREES: &str = "IFCRIGIDOPERATION(#10,#12,IFCPLANEANGLEMEASURE(48.5),IFCPLANEANGLEMEASURE(9.),3.)";
+
 #[test]
 fn a_map_conversion_says_where_the_model_stands_if_it_can_be_understood() {
     let conversion = "5400000.,120.,0.8,0.6,0.001);";
@@ -146,6 +149,14 @@ fn a_map_conversion_says_where_the_model_stands_if_it_can_be_understood() {
             vec![said("5400000.,120.,1.,0.,0.5);")],
             none,
             Some((WarningKind::MapUnread, "its scale 0.5 does not fit its units")),
+        ),
+        (
+            vec![
+                ("('IFC4')", "('IFC4X3_ADD2')"),
+                ("IFCMAPCONVERSION(#10,#12,500000.,5400000.,120.,0.8,0.6,0.001)", DEGREES),
+            ],
+            none,
+            Some((WarningKind::MapUnread, "its coordinates are angles")),
         ),
         (vec![own], none, Some((WarningKind::MapUnread, "its context has an origin or axes of its own"))),
     ] {

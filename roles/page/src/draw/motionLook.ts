@@ -1,4 +1,4 @@
-/** Whether the picture of a moving eye has lines and dark corners, as one at rest: where they cost no time. */
+/** Whether the picture of a moving eye has lines and dark corners: where they cost no time. */
 
 /** The frames whose median interval says how fast pictures come. */
 const FRAMES = 15;
@@ -25,9 +25,12 @@ export class MotionLook {
 
   /** Takes the time between two pictures of a moving eye, milliseconds. */
   add(interval: number): void {
+    if (!this.#isPossible) {
+      return;
+    }
     this.#left = Math.max(this.#left - 1, 0);
     this.#intervals.push(interval);
-    if (!this.#isPossible || this.#intervals.length < FRAMES) {
+    if (this.#intervals.length < FRAMES) {
       return;
     }
     const median = this.#intervals.sort((a, b) => a - b)[FRAMES >> 1] ?? 0;

@@ -257,7 +257,7 @@ export class Renderer {
   }
 }
 
-/** Those to look for a pick in, one after the other: see-through objects count only if nothing else is met. */
+/** Those to look for a pick in, in turn: see-through objects count only if nothing else is met. */
 function candidatesOf(picture: Picture | undefined): readonly (readonly Drawable[])[] {
   if (picture === undefined) {
     return [];

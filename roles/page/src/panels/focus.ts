@@ -1,4 +1,4 @@
-/** The keyboard focus: it enters a panel that a key opens, and is kept when the focused element is removed. */
+/** The keyboard focus: it enters a panel that a key opens, and outlives the element that has it. */
 
 import { takesKey } from "../navigate/typing.ts";
 

@@ -1,4 +1,4 @@
-/** Distances over the picture, the marker of the snapped point at the pointer, and the keyboard's crosshair. */
+/** Distances over the picture, the marker of the snapped point, and the keyboard's crosshair. */
 
 import type { Place } from "../draw/projection.ts";
 import type { Snapped } from "../service/service.ts";

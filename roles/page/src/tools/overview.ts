@@ -38,8 +38,8 @@ export async function frameShown({ scene, service, view }: Framed, frame: (box: 
     return;
   }
   const shown = drawnOf(now, ObjectSet.run(0, objects));
-  const isKnown = shown.isEmpty || shown.size > MOST_BOXED;
-  const box = isKnown ? core : await service.boxAround(shown).catch(() => core);
+  const isWhole = shown.isEmpty || shown.size > MOST_BOXED;
+  const box = isWhole ? core : await service.boxAround(shown).catch(() => core);
   // The whole model is framed by its shape, and others by their box.
   frame(isSame(box, core) ? core : box);
 }
