@@ -6,6 +6,7 @@
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks and images for,
 #                                 with the flags in COMPARE: twenty minutes a scene with those of its page
+#   docs/figures.sh error NAME.scene   only those of docs/comparison.md of speed against error: half an hour
 #   docs/figures.sh sizes         those of tankers of 1 to 600 million triangles, and their figure: 15 minutes,
 #                                 12 GB of memory, and the packages gnuplot and time
 #
@@ -15,7 +16,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 what=${1:-}
-if [ "$what" = compare ]; then
+if [ "$what" = compare ] || [ "$what" = error ]; then
     shift
     scenes=$(realpath "$@")
 else
@@ -216,6 +217,18 @@ if [ "$what" = compare ]; then
             image=docs/images/$name-$(basename "$figure")
             [ ! -e "$image" ] || cp "$figure" "$image"
         done
+    done
+    place docs/comparison.md
+    exit
+fi
+
+if [ "$what" = error ]; then
+    set -- --epsilon 10 --curve 0.5,2,10,20 --paths 3 --frames 40 --audit-every 1 --size 512x512 --live --no-coherence
+    "$TRIMARAN" compare "$scenes" "$@" --out "$out/compared" > /dev/null
+    begin error
+    says compare "$(basename "$scenes")" "$@"
+    for figure in ms-flip ms-deviation ms-popping triangles-flip triangles-deviation triangles-popping; do
+        cp "$out/compared/figures/$figure.svg" "docs/images/error-$figure.svg"
     done
     place docs/comparison.md
     exit

@@ -54,6 +54,8 @@ export class Device {
   #region: Region | undefined;
   /** The shift of the picture in pixels. */
   #shift: readonly [number, number] = [0, 0];
+  /** Of the last step of a picture. */
+  #fence: WebGLSync | null = null;
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
@@ -86,11 +88,18 @@ export class Device {
     return this.#smoother?.smooth(drawables, milliseconds) ?? !isSmootherDue();
   }
 
+  /** Whether the device still draws the last step of a picture. */
+  get isRefining(): boolean {
+    return this.#fence !== null && isPending(this.#gl, this.#fence);
+  }
+
   /** Draws a step of a picture, and shows the mean of the steps so far. */
   refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: Step): void {
     this.#still ??= new Still(this.#gl);
     this.#drawStep(this.#pictureTarget, this.#still, camera, drawables, look, step);
     this.#still.show();
+    this.#gl.deleteSync(this.#fence);
+    this.#fence = this.#gl.fenceSync(this.#gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   }
 
   /**
@@ -324,9 +333,14 @@ async function drawn(gl: WebGL2RenderingContext): Promise<void> {
   if (fence === null) {
     return;
   }
-  gl.flush();
-  while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED && !gl.isContextLost()) {
+  while (isPending(gl, fence)) {
     await new Promise((resolve) => setTimeout(resolve, LOOK));
   }
   gl.deleteSync(fence);
+}
+
+/** Whether something that was asked of the device before this fence is not drawn yet. */
+function isPending(gl: WebGL2RenderingContext, fence: WebGLSync): boolean {
+  const state = gl.clientWaitSync(fence, gl.SYNC_FLUSH_COMMANDS_BIT, 0);
+  return state === gl.TIMEOUT_EXPIRED && !gl.isContextLost();
 }

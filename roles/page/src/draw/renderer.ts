@@ -149,11 +149,16 @@ export class Renderer {
 
   /**
    * Draws the last picture one step finer, once its round surfaces have normals. Returns whether there is
-   * more to do. If it `waits`, nothing is done until the code for normals is there; else surfaces are flat.
+   * more to do. If it `waits`, nothing is done until the code for normals is there, and while the device
+   * still draws the step before: so a pick or a picture waits for one step at most. Else surfaces are flat
+   * until then.
    */
   refine(waits = false): boolean {
     if (this.#device !== undefined && this.#last !== undefined && this.#steps < STEPS) {
       const { camera, drawables, look } = this.#last;
+      if (waits && this.#device.isRefining) {
+        return true;
+      }
       if (!this.#device.smooth(drawables, SMOOTHING) && (waits || !isSmootherDue())) {
         return true;
       }

@@ -71,6 +71,7 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   stop();
   const receivedBytes = received(viewer);
   moments.add((performance.now() - begun) / 1000);
+  await until(() => renderer.isFine);
   const picks = await pickAll(viewer);
   viewer.said.value = "The walk is over. Its pictures are held against the exact ones.";
   const wrong = await audit(viewer, album.pictures);
@@ -100,7 +101,10 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   window.close();
 }
 
-/** How long picks at places all over the picture take, milliseconds: one before each picture. */
+/**
+ * How long picks at places all over the picture take, milliseconds: one before each picture. The first fine
+ * picture must be there: a pick waits for its shaders to be compiled, once a session.
+ */
 async function pickAll(viewer: Viewer): Promise<Samples> {
   const { clientWidth, clientHeight } = viewer.canvas;
   const picks = new Samples();
