@@ -6,7 +6,7 @@
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #   docs/figures.sh compare NAME.scene..   only those of docs/comparison.md that it has marks and images for,
 #                                 with the flags in COMPARE: twenty minutes a scene with those of its page
-#   docs/figures.sh error NAME.scene   only those of docs/comparison.md of speed against error: half an hour
+#   docs/figures.sh error NAME.scene   only those of docs/comparison.md of speed against error: four minutes
 #   docs/figures.sh sizes         those of tankers of 1 to 600 million triangles, and their figure: 15 minutes,
 #                                 12 GB of memory, and the packages gnuplot and time
 #

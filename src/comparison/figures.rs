@@ -168,10 +168,10 @@ const ERRORS: [Quantity; 3] = [
     Quantity {
         name: "popping",
         title: "popping",
-        axis: "pixels that change by levels alone, %",
+        axis: "pixels that change by levels alone, 95th percentile, %",
         of: |point, popping| {
             let same = |of: &&Popping| (of.epsilon_px, of.path) == (point.epsilon_px, point.path);
-            popping.iter().find(same).map(|of| 100.0 * of.changed)
+            popping.iter().find(same).map(|of| 100.0 * of.changed_p95)
         },
     },
 ];

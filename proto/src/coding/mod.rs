@@ -344,6 +344,13 @@ mod tests {
         assert_eq!(size(&[1 << 30, u32::MAX], &[]), None);
         assert_eq!(size(&[3, 2, 1], &[1, 2, 3]), None, "ids that do not rise");
         assert_eq!(size(&[2, 2, 2], &[2]), None);
+        let one_twice: Vec<u32> = (0..100).chain([99]).collect();
+        assert_eq!(size(&one_twice, &[]), None, "though it would be shorter");
+    }
+
+    #[test]
+    fn of_two_codings_of_one_size_the_one_without_a_reference_is_taken() {
+        assert_eq!(shortest(&batch(&[5]), Some((2, &[]))).as_deref(), Some(&[0, 1, 5][..]));
     }
 
     #[test]

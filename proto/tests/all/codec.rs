@@ -59,6 +59,19 @@ fn batch() -> impl Strategy<Value = BatchSize> {
     prop_oneof![1u32..20, Just(256), Just(16_384)].prop_map(|ids| BatchSize::new(ids).unwrap())
 }
 
+#[test]
+fn a_camera_says_what_its_72_bytes_hold() {
+    let (eye, orientation) = ([1.5, -2.5, 3.5], [0.5, -0.5, -0.5, 0.5]);
+    let camera = Camera::new(eye, orientation, 0.75, 0.25, FrameNumber(6)).unwrap();
+    assert_eq!((camera.eye(), camera.orientation()), (eye, orientation));
+    assert_eq!((camera.tan_half_fov_y(), camera.near()), (0.75, 0.25));
+    let other = camera.in_view(ViewVersion(7)).for_frame(FrameNumber(8));
+    assert_eq!([(camera.view().0, camera.frame().0), (other.view().0, other.frame().0)], [(0, 6), (7, 8)]);
+    let numbers = eye.into_iter().chain(orientation).flat_map(f64::to_le_bytes);
+    let rest = [0.75f32.to_bits(), 7, 0.25f32.to_bits(), 8].into_iter().flat_map(u32::to_le_bytes);
+    assert_eq!(other.to_bytes()[..], numbers.chain(rest).collect::<Vec<_>>());
+}
+
 proptest! {
     #[test]
     fn a_camera_keeps_every_bit(camera in camera()) {
