@@ -187,3 +187,42 @@ pub struct RoundCounts {
     /// Drawables found hidden.
     pub hidden: u32,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each number is a power of ten of its own, times `digit`.
+    fn sent(digit: u64) -> SentBytes {
+        SentBytes {
+            camera: digit,
+            begin: 10 * digit,
+            ids: 100 * digit,
+            end: 1_000 * digit,
+            control: 10_000 * digit,
+            geometry: 100_000 * digit,
+            headers: 1_000_000 * digit,
+            messages: 10_000_000 * digit,
+        }
+    }
+
+    #[test]
+    fn bytes_are_summed_kind_by_kind_and_in_all() {
+        assert_eq!(sent(1).total(), 1_111_111, "messages are no bytes");
+        assert_eq!((sent(3) + sent(2), sent(3) - sent(2)), (sent(5), sent(1)));
+    }
+
+    #[test]
+    fn times_of_the_device_are_summed_up_to_the_largest_number() {
+        let times = DeviceTimes { drawing_ns: 1, pyramid_ns: 2, culling_ns: u64::MAX };
+        let twice = DeviceTimes { drawing_ns: 2, pyramid_ns: 4, culling_ns: u64::MAX };
+        assert_eq!(times + times, twice);
+    }
+
+    #[test]
+    fn no_work_begins_and_ends_at_once() {
+        let stats = FrameStats::of_no_work(FrameNumber(4), 9);
+        let times = [stats.or_start_ns, stats.or_end_ns, stats.hc_start_ns, stats.hc_end_ns, stats.or_busy_ns];
+        assert_eq!((stats.frame, times), (FrameNumber(4), [9, 9, 9, 9, 0]));
+    }
+}

@@ -126,8 +126,8 @@ pub(crate) fn read(
     while !bytes.is_empty() {
         reader.run(bytes)?;
     }
-    let count = reader.ids.len() / ID_BYTES;
-    IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(count))
+    // The reader has refused too many.
+    IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(0))
 }
 
 /// Writes the rising `ids` as runs over `held`; without a reference, `back` is 0.

@@ -429,7 +429,8 @@ export class Viewer {
   #picture(now: number): void {
     requestAnimationFrame((next) => this.#picture(next));
     const interval = now - this.#last;
-    const hasMoved = this.navigator.step(interval / 1000);
+    // A walker asks for the ground, which would compete with the first picture for the service.
+    const hasMoved = this.pictures > 0 && this.navigator.step(interval / 1000);
     this.#last = now;
     this.#isMoved ||= hasMoved;
     const { display } = this;
