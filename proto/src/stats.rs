@@ -222,7 +222,8 @@ mod tests {
     #[test]
     fn no_work_begins_and_ends_at_once() {
         let stats = FrameStats::of_no_work(FrameNumber(4), 9);
-        let times = [stats.or_start_ns, stats.or_end_ns, stats.hc_start_ns, stats.hc_end_ns, stats.or_busy_ns];
+        let times =
+            [stats.or_start_ns, stats.or_end_ns, stats.hc_start_ns, stats.hc_end_ns, stats.or_busy_ns];
         assert_eq!((stats.frame, times), (FrameNumber(4), [9, 9, 9, 9, 0]));
     }
 }
