@@ -326,3 +326,9 @@ fn the_tables_of_items_of_blocks_are_the_crates() {
     let most = format!("{},{:03} numbers", NumberList::MOST / 1000, NumberList::MOST % 1000);
     assert!(WIRE.contains(&most), "the page does not say {most}");
 }
+
+#[test]
+fn roles_and_drawables_have_their_names_in_links_and_messages() {
+    assert_eq!([Role::Culler, Role::Display, Role::Relay].map(String::from), ["culler", "display", "relay"]);
+    assert_eq!(DrawableId(7).to_string(), "drawable 7");
+}
