@@ -223,7 +223,8 @@ if [ "$what" = compare ]; then
 fi
 
 if [ "$what" = error ]; then
-    set -- --epsilon 10 --curve 0.5,2,10,20 --paths 3 --frames 40 --audit-every 1 --size 512x512 --live --no-coherence
+    set -- --epsilon 10 --curve 0.5,2,10,20 --paths 3 --frames 40 --audit-every 1 --size 512x512 --live \
+        --no-coherence
     "$TRIMARAN" compare "$scenes" "$@" --out "$out/compared" > /dev/null
     begin error
     says compare "$(basename "$scenes")" "$@"
