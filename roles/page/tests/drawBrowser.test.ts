@@ -550,6 +550,40 @@ drawn(
 );
 
 drawn(
+  "a step of a picture at rest waits until the device has drawn the one before",
+  undefined,
+  async () => {
+    const { cameraAt, drawableAt, plate, Stage } = window.draw;
+    const stage = new Stage(64, 64, { samples: 1 });
+    stage.set(plate(1, 1));
+    const [camera, drawables] = [cameraAt([0, 0, 0]), [drawableAt(0, [0, 0, -2])]];
+    const refineAll = async () => {
+      stage.renderer.draw(camera, drawables);
+      while (stage.renderer.refine(true)) {
+        await new Promise((resolve) => setTimeout(resolve, 5));
+      }
+    };
+    // The code for normals is loaded with the first one.
+    await refineAll();
+    stage.renderer.draw(camera, drawables);
+    stage.renderer.refine();
+    const { gl } = stage;
+    const wait = gl.clientWaitSync;
+    gl.clientWaitSync = () => gl.TIMEOUT_EXPIRED;
+    for (let ask = 0; ask < 20; ask += 1) {
+      stage.renderer.refine(true);
+    }
+    const whileBusy = stage.renderer.isFine;
+    gl.clientWaitSync = wait;
+    await refineAll();
+    const { isFine } = stage.renderer;
+    stage.end();
+    return { whileBusy, isFine };
+  },
+  ({ whileBusy, isFine }) => assert.deepEqual([whileBusy, isFine], [false, true]),
+);
+
+drawn(
   "a picture in tiles is that of an eye at rest: smooth, with lines and hatching",
   undefined,
   async () => {

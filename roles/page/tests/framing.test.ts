@@ -6,7 +6,6 @@ import { NOTHING } from "../src/draw/device.ts";
 import { leastOf, metIn } from "../src/draw/met.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import type { Box } from "../src/space/box.ts";
-import type { Point } from "../src/space/point.ts";
 import { frameShown } from "../src/tools/overview.ts";
 import { ViewHistory } from "../src/viewer/viewHistory.ts";
 
@@ -21,8 +20,7 @@ function model(answer: (objects: ObjectSet) => Promise<Box>) {
     return answer(objects);
   };
   const view = new ViewHistory();
-  const navigator: { eye: Point; forward: Point } = { eye: [5, 5, 5], forward: [0, 0, -1] };
-  return { scene: { core: CORE, objects: 10 }, service: { boxAround }, view, navigator, asked };
+  return { scene: { core: CORE, objects: 10 }, service: { boxAround }, view, asked };
 }
 
 async function framed(viewer: Parameters<typeof frameShown>[0]): Promise<Box | undefined> {
@@ -61,17 +59,6 @@ test("an overview without an answer is of the whole model, and of its shape wher
     const viewer = model(answer);
     viewer.view.change({ hidden: ObjectSet.of([5]) });
     assert.equal(await framed(viewer), CORE);
-  }
-});
-
-test("an eye that goes on before the answer is there is left alone", async () => {
-  for (const moved of [{ eye: [5, 5, 4] }, { forward: [1, 0, 0] }] as const) {
-    const viewer = model(() => {
-      Object.assign(viewer.navigator, moved);
-      return Promise.resolve(PART);
-    });
-    viewer.view.change({ hidden: ObjectSet.of([5]) });
-    assert.equal(await framed(viewer), undefined);
   }
 });
 

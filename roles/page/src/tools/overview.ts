@@ -4,7 +4,6 @@ import { ISO } from "../navigate/standardViews.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { type Box, isSame } from "../space/box.ts";
-import { distance, type Point } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { drawnOf, type ViewHistory } from "../viewer/viewHistory.ts";
 
@@ -25,18 +24,13 @@ interface Framed {
   readonly scene: Pick<SceneDescription, "core" | "objects">;
   readonly service: Pick<Service, "boxAround">;
   readonly view: Pick<ViewHistory, "current">;
-  readonly navigator: { readonly eye: Point; readonly forward: Point };
 }
 
 /**
  * Calls `frame` with the box around all that is shown. Where objects are hidden or isolated, the service says
- * it. Without an answer, or with nothing shown, it is the box of the whole model. An eye that goes on until
- * the answer is there is left alone.
+ * it. Without an answer, or with nothing shown, it is the box of the whole model.
  */
-export async function frameShown(
-  { scene, service, view, navigator }: Framed,
-  frame: (box: Box) => void,
-): Promise<void> {
+export async function frameShown({ scene, service, view }: Framed, frame: (box: Box) => void): Promise<void> {
   const { core, objects } = scene;
   const now = view.current.peek();
   if (now.isolated === undefined && now.hidden.isEmpty) {
@@ -45,11 +39,7 @@ export async function frameShown(
   }
   const shown = drawnOf(now, ObjectSet.run(0, objects));
   const isWhole = shown.isEmpty || shown.size > MOST_BOXED;
-  const { eye, forward } = navigator;
   const box = isWhole ? core : await service.boxAround(shown).catch(() => core);
-  if (distance(eye, navigator.eye) + distance(forward, navigator.forward) > 0) {
-    return;
-  }
   // The whole model is framed by its shape, and others by their box.
   frame(isSame(box, core) ? core : box);
 }
