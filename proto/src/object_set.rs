@@ -103,7 +103,9 @@ mod tests {
     fn a_set_has_each_object_once_and_runs_are_short() {
         let set: ObjectSet = [7, 3, 4, 5, 3, 100, 6].into_iter().collect();
         assert_eq!(set.iter().collect::<Vec<_>>(), [3, 4, 5, 6, 7, 100]);
-        assert_eq!((set.len(), set.is_empty()), (6, false));
+        assert_eq!((set.len(), set.is_empty(), set.last()), (6, false, Some(100)));
+        assert_eq!(set.runs(), [3..8, 100..101]);
+        assert_eq!(ObjectSet::default().last(), None);
         assert_eq!(Vec::from(set.clone()), [(3, 4), (91, 0)]);
         for object in 0..120 {
             assert_eq!(set.contains(object), (3..=7).contains(&object) || object == 100, "{object}");

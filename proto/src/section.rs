@@ -225,8 +225,11 @@ mod tests {
 
     #[test]
     fn a_box_is_bounded_by_six_planes_that_point_outwards() {
-        let kept = Section::Box(SectionBox::new([0.0, 1.0, 2.0], [3.0, 4.0, 5.0]).unwrap());
-        let sections = Sections::new(&[kept]).unwrap();
+        let corners = [[0.5, 1.0, 2.0], [3.0, 4.0, 5.0]];
+        let kept = SectionBox::try_from(corners).unwrap();
+        assert_eq!((kept.min(), kept.max(), <[[f64; 3]; 2]>::from(kept)), (corners[0], corners[1], corners));
+        let sections = Sections::new(&[Section::Box(kept)]).unwrap();
+        assert!(Sections::NONE.is_empty() && !sections.is_empty());
         let inside = |p: [f64; 3]| {
             sections.planes().all(|plane| {
                 let along = |i: usize| (p[i] - plane.location()[i]) * plane.direction()[i];

@@ -288,4 +288,11 @@ mod tests {
         assert_eq!(NumberList::of_bytes(&bytes), None);
         assert_eq!(NumberList::of_bytes(&[0x80]), None);
     }
+
+    #[test]
+    fn a_list_has_each_number_once_and_may_be_empty() {
+        let list = NumberList::of(vec![7, 3, 7, u32::MAX]);
+        assert_eq!((list.iter().collect::<Vec<_>>(), list.is_empty()), (vec![3, 7, u32::MAX], false));
+        assert!(NumberList::of(Vec::new()).is_empty());
+    }
 }

@@ -205,6 +205,13 @@ mod tests {
         assert_eq!(reader.take(ViewVersion(1), &part, false), Ok(None));
         let bytes = ViewReader::MOST + 1;
         assert_eq!(reader.take(ViewVersion(1), &[1], false), Err(ViewStateError::TooLong { bytes }));
+        // A run costs two bytes.
+        let of_runs = |runs: usize| ViewState { hidden: (0..2 * runs as u32).step_by(2).collect(), ..state() };
+        let length = |state: &ViewState| postcard::to_stdvec(state).unwrap().len();
+        let more = (ViewReader::MOST - length(&of_runs(1_000_000))) / 2;
+        let longest = of_runs(1_000_000 + more);
+        assert_eq!(length(&longest), ViewReader::MOST);
+        assert_eq!(read_back(&longest, ViewVersion(1)).1, longest);
         let long = ViewState { hidden: (0..5_000_000).step_by(2).collect(), ..state() };
         assert!(matches!(long.to_messages(ViewVersion(1)), Err(ViewStateError::TooLong { .. })));
     }
@@ -225,5 +232,7 @@ mod tests {
         assert_eq!(appearances(&some), [Solid, Hidden, SeeThrough, Hidden, Solid]);
         assert_eq!(appearances(&isolated), [Solid, Hidden, SeeThrough, Hidden, Hidden]);
         assert!(!some.is_all_solid(true) && !isolated.is_all_solid(true));
+        assert_eq!([&all, &some, &isolated].map(ViewState::last_named), [None, Some(3), Some(3)]);
+        assert_eq!(ViewState { isolated: Some(set(&[9, 12])), ..some }.last_named(), Some(12));
     }
 }

@@ -260,3 +260,26 @@ fn the_longest_rejection_is_not_cut() {
     );
     assert!(why.unwrap_err().to_string().ends_with("give both the same cooked file"));
 }
+
+#[test]
+fn a_relay_takes_displays_and_serves_nobody_the_scene() {
+    let relay = Identity { scene: None, ..identity(Role::Relay, None) };
+    let leads = identity(Role::Display, Some(settings()));
+    let admit = |ours: &Identity, theirs: &Identity| Walkthrough::admit(ours, theirs).map_err(|why| why.code);
+    let (scene, role) = (RejectionCode::Scene as u16, RejectionCode::Role as u16);
+    assert_eq!(admit(&relay, &leads), Ok(()));
+    assert_eq!(admit(&relay, &identity(Role::Display, None)), Ok(()));
+    assert_eq!(admit(&relay, &Identity { scene: None, ..leads }), Err(scene));
+    assert_eq!(admit(&relay, &Identity { scene: None, ..identity(Role::Display, None) }), Ok(()));
+    for (listener, connector) in [(Role::Relay, Role::Culler), (Role::Culler, Role::Relay)] {
+        assert_eq!(admit(&identity(listener, None), &identity(connector, None)), Err(role));
+    }
+}
+
+#[test]
+fn only_a_display_of_a_session_has_a_place_to_come_back_to() {
+    let place = |role, settings| Walkthrough::place(&identity(role, settings));
+    assert_eq!(place(Role::Display, Some(settings())), Some(u64::MAX));
+    assert_eq!(place(Role::Display, None), None);
+    assert_eq!(place(Role::Culler, Some(settings())), None);
+}
