@@ -121,6 +121,10 @@ mod tests {
         let (share, _) = run(&Loss::GilbertElliott(model), 5);
         assert!((share - model.stationary_loss()).abs() < 0.001, "{share} {}", model.stationary_loss());
         assert!((model.stationary_loss() - (0.02 * 0.5 + 0.2 * 0.001) / 0.22).abs() < 1e-12);
+        let even = GilbertElliott { to_good: p(0.02), ..model };
+        assert!((even.stationary_loss() - 0.2505).abs() < 1e-12);
+        let for_ever = GilbertElliott { to_good: p(0.0), ..model };
+        assert_eq!(for_ever.stationary_loss(), 0.5);
     }
 
     proptest! {

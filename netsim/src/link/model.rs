@@ -230,6 +230,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn phases_repeat_but_not_in_no_time() {
+        let fast = LinkModel::clean(None, Duration::ZERO);
+        let slow = Conditions { delay: Duration::from_secs(1), ..fast.conditions };
+        let phases = vec![Phase { at: Duration::from_secs(2), conditions: slow }];
+        let delays = |repeat| {
+            let model = LinkModel { phases: phases.clone(), repeat, ..fast.clone() };
+            [1, 2, 3, 4].map(|s| model.conditions_at(Instant::from_nanos(s * 1_000_000_000)).delay.as_secs())
+        };
+        assert_eq!(delays(None), [0, 1, 1, 1]);
+        assert_eq!(delays(Some(Duration::from_secs(3))), [0, 1, 0, 0]);
+        assert_eq!(delays(Some(Duration::ZERO)), [0, 1, 1, 1]);
+    }
+
+    #[test]
     fn ethernet_counts_frames_and_times_lines() {
         assert_eq!(Framing::Ethernet.frame_bytes(1500), 1518);
         assert_eq!(Framing::Ethernet.line_bytes(1500), 1538);

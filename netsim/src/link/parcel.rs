@@ -36,8 +36,9 @@ pub enum Ecn {
 }
 
 impl Ecn {
+    /// Whether a queue may mark the packet rather than drop it. One that is marked already stays so.
     pub(super) const fn is_markable(self) -> bool {
-        matches!(self, Self::Capable0 | Self::Capable1)
+        !matches!(self, Self::NotCapable)
     }
 }
 
@@ -66,4 +67,15 @@ pub enum Action<P> {
         /// The size of the packet as in [`Parcel::ip_bytes`].
         ip_bytes: u32,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Ecn::{Capable0, Capable1, Experienced, NotCapable};
+
+    #[test]
+    fn only_packets_of_transports_without_marks_are_dropped_for_them() {
+        let markable = [NotCapable, Capable0, Capable1, Experienced].map(super::Ecn::is_markable);
+        assert_eq!(markable, [false, true, true, true]);
+    }
 }

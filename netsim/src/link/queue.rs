@@ -213,6 +213,9 @@ mod tests {
         assert_eq!(queue.next(at(1), 1500, |_| true), Some(Verdict::Send('a')));
         assert_eq!(queue.push(at(1), 100, 'c'), Ok(()));
 
+        queue.set_model(QueueModel { packets: 3, ..QueueModel::default() });
+        assert_eq!((queue.push(at(1), 100, 'd'), queue.push(at(1), 100, 'e')), (Ok(()), Err('e')));
+
         let mut queue = Queue::new(QueueModel { bytes: 250, ..QueueModel::default() });
         assert_eq!(queue.push(at(0), 200, 'a'), Ok(()));
         assert_eq!(queue.push(at(0), 51, 'b'), Err('b'));
@@ -249,6 +252,26 @@ mod tests {
         assert!(gaps.windows(2).all(|pair| pair[1] <= pair[0] + 1), "ever faster: {gaps:?}");
         // The interval over the root of the count.
         assert!((99..=102).contains(&gaps[0]) && (70..=73).contains(&gaps[1]), "{gaps:?}");
+    }
+
+    /// RFC 8289, section 5.4: a wait of the target is not below it, and drops resume at the rate that helped.
+    #[test]
+    fn drops_resume_at_their_rate_only_soon_after_the_last() {
+        assert!(!drops(5, 200).is_empty());
+        let codel = CoDel::default();
+        let count_after = |calm: u32, drops: u64| {
+            let (mut control, waited) = (Control::default(), Duration::from_millis(20));
+            for now in 0..=100 * drops {
+                control.wants_drop(&codel, at(now), waited, false);
+            }
+            assert!(!control.wants_drop(&codel, at(100 * drops), Duration::ZERO, false));
+            let again = control.drop_next.unwrap().after(calm * codel.interval);
+            control.first_above = Some(again);
+            assert!(control.wants_drop(&codel, again, waited, false));
+            control.count
+        };
+        assert_eq!([1, 15, 16, 30].map(|calm| count_after(calm, 4)), [4, 4, 1, 1]);
+        assert_eq!(count_after(1, 1), 1, "after a single drop there is no rate to resume");
     }
 
     #[test]

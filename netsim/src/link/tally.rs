@@ -101,3 +101,37 @@ impl LinkTally {
         self.offered + self.duplicated == self.delivered + self.dropped.total() + self.queued + self.flying
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packet_that_is_nowhere_unbalances_a_tally() {
+        let one = Count { packets: 1, bytes: 100 };
+        assert!(Count::default().is_zero() && !one.is_zero());
+        assert_eq!(one + one, Count { packets: 2, bytes: 200 });
+        let offered = LinkTally { offered: one, ..LinkTally::default() };
+        assert!(LinkTally::default().is_balanced() && !offered.is_balanced());
+        let none = Drops::default();
+        for dropped in [
+            Drops { mtu: one, ..none },
+            Drops { queue: one, ..none },
+            Drops { managed: one, ..none },
+            Drops { lost: one, ..none },
+            Drops { corrupted: one, ..none },
+            Drops { partitioned: one, ..none },
+            Drops { down: one, ..none },
+        ] {
+            assert!(LinkTally { dropped, ..offered }.is_balanced());
+        }
+        for tally in [
+            LinkTally { delivered: one, ..offered },
+            LinkTally { queued: one, ..offered },
+            LinkTally { flying: one, ..offered },
+        ] {
+            assert!(tally.is_balanced());
+            assert!(!LinkTally { duplicated: one, ..tally }.is_balanced());
+        }
+    }
+}
