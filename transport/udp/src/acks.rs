@@ -163,13 +163,24 @@ mod tests {
         let now = Instant::from_nanos(0);
         acks.on_received(now, 0, Asks::Ack, DELAY);
         for number in 1..3 {
-            acks.on_received(now, number, Asks::AckNow, DELAY);
+            acks.on_received(now, number, Chunk::Ping.asks(), DELAY);
         }
         for _ in 0..2 {
             assert_eq!(acks.due(), Some(now));
             assert!(acks.take(now).is_some());
         }
         assert_eq!((acks.due(), acks.take(now)), (None, None));
+    }
+
+    #[test]
+    fn the_delay_is_that_of_the_newest_packet() {
+        let mut acks = Acks::default();
+        let at = |ms| Instant::from_nanos(0).after(ms * DELAY);
+        for (ms, number) in [(0, 0), (1, 2), (3, 1)] {
+            acks.on_received(at(ms), number, Asks::Ack, DELAY);
+        }
+        let Some(Chunk::Ack { delay_us, .. }) = acks.take(at(6)) else { panic!("none") };
+        assert_eq!(delay_us, 5_000, "number 1 came later, but late");
     }
 
     #[test]

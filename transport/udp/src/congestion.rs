@@ -206,11 +206,49 @@ mod tests {
         assert!((98_000..=101_000).contains(&before), "{before}");
     }
 
+    /// These windows are three seconds below the middle of their cube: cbrt(10.8 / 0.4). It is the window
+    /// before the loss, and 0.85 of that if the loss came below the last peak.
+    #[test]
+    fn a_window_follows_the_cube_around_its_peak() {
+        for (before, lost_at, peak) in [(10, 36, 36_000), (36, 36, 36_000), (100, 72, 61_200)] {
+            for (seconds, above) in [(1, -3_200), (2, -400), (3, 0), (4, 400)] {
+                let mut cubic = Window::new(1000, before);
+                cubic.on_loss(at(10), at(0));
+                cubic.on_persistent_congestion();
+                cubic.on_ack(at(30), at(20), (lost_at - 2) * 1000, 2_000, RTT);
+                assert_eq!(cubic.window(), lost_at * 1000);
+                cubic.on_loss(at(40), at(30));
+                // The first acknowledgement starts the cube.
+                let window = cubic.window();
+                cubic.on_ack(at(60), at(50), 0, window, RTT);
+                let half = 500;
+                let (now, rtt) = (at(60 + 1000 * seconds - half), Duration::from_millis(half));
+                cubic.on_ack(now, at(61), window, window, rtt);
+                let off = cubic.window() as i64 - (peak + above);
+                assert!(off.abs() <= 2, "{before}, {lost_at}, {seconds} s: {off} bytes off");
+            }
+        }
+    }
+
+    #[test]
+    fn a_window_grows_by_no_more_than_half_at_once() {
+        let mut cubic = Window::new(1000, 36);
+        cubic.on_loss(at(10), at(0));
+        let window = cubic.window();
+        cubic.on_ack(at(20), at(11), window, window, Duration::from_secs(10));
+        assert_eq!(cubic.window() / 10, 3_780, "37.8 segments after 25.2");
+    }
+
     #[test]
     fn persistent_congestion_leaves_two_segments() {
         let mut cubic = cubic(1000);
         cubic.on_persistent_congestion();
         assert_eq!(cubic.window(), 2_000);
+        // They double again up to 0.7 of the window before. Then Reno adds 9/17 of a segment a round trip.
+        for (bytes, window) in [(5_000, 7_000), (7_000, 7_529)] {
+            cubic.on_ack(at(10), at(0), bytes, bytes, RTT);
+            assert_eq!(cubic.window(), window);
+        }
         for _ in 0..20 {
             cubic.on_loss(at(1), at(2));
         }

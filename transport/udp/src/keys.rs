@@ -72,3 +72,19 @@ fn checksum(to: ConnectionId, number: PacketNumber, plain: &[u8]) -> [u8; TAG] {
 
 /// The bytes of a sealed packet beside its chunks.
 pub(crate) const OVERHEAD: usize = HEADER + TAG;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packet_in_the_clear_opens_as_what_it_was_sealed_as() {
+        let (id, number) = (ConnectionId(1), 1 << 32 | 5);
+        let (mut sealed, mut plain) = (Vec::new(), Vec::new());
+        assert!(Keys::Plaintext.seal(id, number, b"chunks", &mut sealed));
+        let mut opens = |id, number| Keys::Plaintext.open(id, number, &sealed, &mut plain);
+        assert!(opens(id, number));
+        assert!(!opens(ConnectionId(3), number) && !opens(id, 5), "of another connection, another number");
+        assert_eq!(plain, b"chunks");
+    }
+}

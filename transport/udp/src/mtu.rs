@@ -106,6 +106,7 @@ mod tests {
             assert!(size > mtu.known() && size <= most);
             assert_eq!(mtu.probe(now), None, "one at a time");
             probes += 1;
+            assert!(probes <= 30, "{probes} probes");
             if size <= carries { mtu.on_arrived(now, size) } else { mtu.on_lost(now, size) }
         }
         (mtu.known(), probes)
@@ -116,10 +117,28 @@ mod tests {
         assert_eq!(search(1500, 1452), (1452, 1));
         assert_eq!(search(1200, 1200), (1200, 0));
         for carries in [1200, 1201, 1280, 1392, 1451] {
-            let (found, probes) = search(carries, 1452);
+            let found = search(carries, 1452).0;
             assert!(found <= carries && found + ENOUGH > carries, "{found} of {carries}");
-            assert!(probes <= 30, "{probes} probes");
         }
+    }
+
+    #[test]
+    fn sixteen_bytes_are_worth_a_probe_and_fewer_are_not() {
+        assert_eq!((search(1216, 1216), search(1215, 1215)), ((1216, 1), (1200, 0)));
+        // The largest is tried three times, and then the middle of the range that is left.
+        assert_eq!((search(1200, 1216), search(1200, 1217)), ((1200, 3), (1200, 6)));
+    }
+
+    #[test]
+    fn ten_minutes_after_a_search_the_largest_size_is_tried_again() {
+        let mut mtu = Mtu::new(Instant::from_nanos(0), 1216);
+        let now = Instant::from_nanos(1_000_000_000);
+        for _ in 0..TRIES {
+            assert_eq!(mtu.probe(now), Some(1216));
+            mtu.on_lost(now, 1216);
+        }
+        let again = now.after(AGAIN);
+        assert_eq!((mtu.due(), mtu.probe(now), mtu.probe(again)), (Some(again), None, Some(1216)));
     }
 
     #[test]

@@ -90,6 +90,25 @@ mod tests {
         let next = pacer.ready(start, None, 20_000, rtt);
         assert_eq!(next.since(start).as_micros(), 400);
         assert_eq!(pacer.ready(next, Some(next), 20_000, rtt), next);
+        pacer.on_sent(1000);
+        pacer.set_segment(2000);
+        let after = pacer.ready(next, None, 20_000, rtt);
+        assert_eq!(after.since(next).as_micros(), 800, "a packet is larger now");
+    }
+
+    #[test]
+    fn a_missing_byte_is_waited_for_and_a_fraction_of_one_is_not() {
+        let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
+        for (sent, window, nanos) in [(9_000, 20_000, 0), (9_001, 20_000, 400), (9_001, 8_000, 1_000)] {
+            let mut pacer = Pacer::new(1000);
+            pacer.on_sent(sent);
+            assert_eq!(pacer.ready(start, None, window, rtt).since(start).as_nanos(), nanos);
+        }
+        let mut pacer = Pacer::new(1000);
+        pacer.on_sent(9_001);
+        pacer.ready(start, None, 20_000, rtt);
+        let almost = start.after(Duration::from_nanos(1));
+        assert_eq!(pacer.ready(almost, None, 20_000, rtt), almost, "0.9975 of it is missing");
     }
 
     #[test]

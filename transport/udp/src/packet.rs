@@ -177,6 +177,15 @@ mod tests {
         assert_eq!(Packet::parse(&out), Err(Malformed::Short { what: "handshake" }));
     }
 
+    #[test]
+    fn an_initial_of_another_version_is_read_only_up_to_the_id() {
+        let initial = Packet::Initial { version: 2, from: ConnectionId(1), cookie: None, noise: &[] };
+        let mut out = Vec::new();
+        initial.write(&mut out);
+        out[HEADER..].fill(0xff);
+        assert_eq!(Packet::parse(&out), Ok(initial));
+    }
+
     proptest! {
         #[test]
         fn any_bytes_are_judged(bytes in prop::collection::vec(any::<u8>(), 0..80)) {

@@ -191,6 +191,7 @@ mod tests {
         assert_eq!(challenge(&mut it, 0).2, 120);
         assert_eq!((it.due(), it.next(at(299), HERE)), (Some(at(300)), None));
         assert_eq!(it.next(at(300), HERE), None, "it has had enough");
+        assert_eq!(it.due(), Some(at(900)), "the pause doubles");
         it.on_packet(at(400), from(address(2, 1), 100), false);
         assert_eq!(challenge(&mut it, 900).2, 300, "100 bytes more have come");
         assert_eq!((it.next(at(2100), HERE), it.due()), (None, None));
@@ -226,10 +227,13 @@ mod tests {
 
     #[test]
     fn an_answer_and_a_question_together_are_no_more_than_thrice_what_came() {
-        let mut it = peer_path();
-        it.on_packet(at(0), from(address(2, 1), 100), true);
-        it.on_challenge(from(address(2, 1), 100), [9; 24]);
-        assert_eq!(it.next(at(0), HERE).map(|it| it.size), Some(100));
-        assert_eq!(challenge(&mut it, 0).2, 200);
+        // The shortest question has 53 bytes.
+        for (came, asked, rest) in [(100, 100, Some(200)), (21, 10, Some(53)), (21, 11, None)] {
+            let mut it = peer_path();
+            it.on_packet(at(0), from(address(2, 1), came), true);
+            it.on_challenge(from(address(2, 1), asked), [9; 24]);
+            let mut size = || it.next(at(0), HERE).map(|it| it.size);
+            assert_eq!((size(), size()), (Some(asked), rest));
+        }
     }
 }

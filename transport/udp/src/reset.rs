@@ -47,6 +47,8 @@ mod tests {
             let mut forged = first;
             forged[at] ^= 1;
             assert!(!same(&first, &forged), "byte {at}");
+            forged[(at + 1) % first.len()] ^= 1;
+            assert!(!same(&first, &forged), "byte {at} and the next");
         }
     }
 }

@@ -114,6 +114,18 @@ mod tests {
     }
 
     #[test]
+    fn after_persistent_congestion_the_last_round_trip_is_the_shortest() {
+        let mut rtt = Rtt::default();
+        rtt.forget_minimum();
+        assert_eq!(rtt.latest_and_least(), None);
+        rtt.sample(10 * MS, Duration::ZERO);
+        rtt.sample(20 * MS, Duration::ZERO);
+        assert_eq!(rtt.latest_and_least(), Some((20 * MS, 10 * MS)));
+        rtt.forget_minimum();
+        assert_eq!(rtt.latest_and_least(), Some((20 * MS, 20 * MS)));
+    }
+
+    #[test]
     fn a_guess_holds_until_something_is_measured() {
         let mut rtt = Rtt::default();
         rtt.guess(20 * MS);

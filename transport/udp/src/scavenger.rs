@@ -195,5 +195,27 @@ mod tests {
             scavenger.on_ack(Instant::from_nanos(10_000_000 * round), SEGMENT, SEGMENT, ms(50.0), ms(10.0));
         }
         assert_eq!(scavenger.window, LEAST * SEGMENT);
+        scavenger.set_segment(1500);
+        assert!(scavenger.allows(1500) && !scavenger.allows(1501), "two of the new size");
+    }
+
+    #[test]
+    fn one_long_round_trip_is_no_queue_and_two_are() {
+        let mut scavenger = Scavenger::new(SEGMENT);
+        // The threshold of a queue is 50 ms here, and 42.5 ms while the window doubles.
+        for (now, latest, window, why) in [
+            (0, 42.5, 5_000, "no queue"),
+            (1, 42.5, 6_000, "no queue"),
+            (50, 50.0, 6_000, "a queue, but not in all of a round trip"),
+            (51, 50.0, 6_000, "one may be by chance"),
+            (52, 50.0, 3_000, "two are a queue"),
+            (101, 45.0, 3_000, "sent before the window shrank"),
+            (102, 60.0, 3_000, "the first since"),
+            (162, 60.0, 2_250, "another queue"),
+        ] {
+            let at = Instant::from_nanos(now * 1_000_000);
+            scavenger.on_ack(at, SEGMENT, 9 * SEGMENT, ms(latest), ms(40.0));
+            assert_eq!(scavenger.window, window, "{now} ms: {why}");
+        }
     }
 }

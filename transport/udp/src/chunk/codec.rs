@@ -284,6 +284,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::chunk::part_overhead;
     use crate::samples::FORMAT_WITH_CHANNELS as FORMAT;
 
     fn back(chunk: &Chunk<'_>) {
@@ -315,8 +316,35 @@ mod tests {
     }
 
     #[test]
+    fn a_part_with_a_hash_has_as_many_bytes_beside_its_data_as_foretold() {
+        for lane in [UnitLane::Frames, UnitLane::Channel(ChannelNumber(1))] {
+            for (unit, offset) in [(0, 0), (7, 1 << 20), (1 << 30, 100), (u64::MAX, u64::MAX)] {
+                let mut out = Vec::new();
+                Chunk::Part { lane, unit, offset, tail: Tail::Frame(1), data: &[] }.write(&mut out);
+                assert_eq!(part_overhead(lane, unit, offset), out.len(), "{unit}, {offset} of {lane:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_is_not_given_up_with_more_bytes_than_it_or_its_beginning_has() {
+        for coded in [None, Some(3)] {
+            let most = unit_head(&FORMAT, coded.is_some());
+            for (sent, head, is_sound) in [(90, most, true), (91, 0, false), (0, most + 1, false)] {
+                let (about, head) = (GivenUp { length: 90, sent, hash: 1, coded }, vec![0; head]);
+                let chunk = Chunk::GiveUp { lane: UnitLane::Frames, unit: 7, about, head: &head };
+                let mut out = Vec::new();
+                chunk.write(&mut out);
+                let read = Chunk::read(&mut Reader::new(&out), &FORMAT);
+                let refused = Malformed::Range { what: "unit length" };
+                assert_eq!(read, if is_sound { Ok(chunk) } else { Err(refused) });
+            }
+        }
+    }
+
+    #[test]
     fn ranges_below_zero_empty_or_touching_are_refused() {
-        for ack in [[5, 7, 0, 0], [5, 0, 0, 0], [5, 2, 0, 1], [5, 2, 4, 1], [5, 2, 2, 3]] {
+        for ack in [[5, 7, 0, 0], [5, 0, 1, 1], [5, 2, 0, 1], [5, 2, 4, 1], [5, 2, 2, 3]] {
             let bytes = [&[ACK, 0, 2][..], &ack].concat();
             let read = Chunk::read(&mut Reader::new(&bytes), &FORMAT);
             assert!(matches!(read, Err(Malformed::Range { .. })), "{ack:?}: {read:?}");
