@@ -303,3 +303,29 @@ pub(crate) fn read_ahead(scene: &Scene, level: impl Iterator<Item = NodeId> + Cl
 pub fn lod_cut(scene: &Scene, view: &View, rule: impl Into<CutRule>) -> Vec<DrawableId> {
     LodCut::new(scene, view, rule).drawables()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Mat3, Vec3};
+    use trimaran_scene::{FlatObject, Rgba8, SceneArrays};
+
+    use super::*;
+
+    #[test]
+    fn what_is_read_ahead_has_its_levels_in_memory() {
+        let object = FlatObject {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            indices: vec![0, 1, 2],
+            colour: Rgba8([0; 4]),
+            linear: Mat3::IDENTITY,
+            origin: DVec3::ZERO,
+        };
+        // Several pages of nodes, and of drawables.
+        let whole = Scene::from_arrays(SceneArrays::flat(&vec![object; 2200])).unwrap();
+        let scene = whole.opened_again().unwrap();
+        let (nodes, drawables) = (0..scene.nodes().len(), 0..scene.drawables().len());
+        read_ahead(&scene, nodes.clone().map(|node| NodeId(node as u32)));
+        assert!(!scene.nodes().read_ahead(nodes), "nothing is left to read");
+        assert!(!scene.drawables().read_ahead(drawables), "nothing is left to read");
+    }
+}

@@ -289,11 +289,12 @@ mod tests {
         let cut = lod_cut(&scene, &view, rule);
         let mut mapper = OccluderMapper::new(scene, view, rule);
         mapper.stamp = OccluderMapper::LAST_STAMP - 1;
-        for _ in 0..4 {
+        for stamp in [OccluderMapper::LAST_STAMP, 1, 2, 3] {
             mapper.begin(view, rule);
+            assert_eq!(mapper.stamp, stamp);
             let mut due = Vec::new();
             mapper.push(&cut, &mut due).unwrap();
-            assert_eq!(due.len(), cut.len(), "stamp {}", mapper.stamp);
+            assert_eq!(due.len(), cut.len(), "stamp {stamp}");
             mapper.push(&cut, &mut due).unwrap();
             assert_eq!(due.len(), cut.len(), "each once");
         }

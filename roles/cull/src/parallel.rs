@@ -28,3 +28,17 @@ pub(crate) fn find_each<P: Sync, R: Send>(
     let chunks: Result<Vec<_>, _> = in_chunks(parts, of_chunk).into_iter().collect();
     Ok(chunks?.into_iter().flatten().collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_than_two_chunks_of_parts_stay_together() {
+        let lengths = |parts: usize| in_chunks(&vec![(); parts], <[()]>::len);
+        assert_eq!(lengths(0), [0]);
+        assert_eq!(lengths(255), [255]);
+        assert_eq!(lengths(256), [128, 128]);
+        assert_eq!(lengths(300), [128, 128, 44]);
+    }
+}

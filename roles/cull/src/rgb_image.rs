@@ -117,10 +117,10 @@ mod tests {
 
     #[test]
     fn shrinking_takes_every_pixel_once_at_odd_sizes() {
-        let rgb = RgbImage { width: 5, height: 3, pixels: vec![[1, 0, 0]; 15] };
-        let small = rgb.shrink(2, |block| [block.len() as u8, 0, 0]);
+        let rgb = RgbImage { width: 5, height: 3, pixels: (0..15).map(|place| [place, 0, 0]).collect() };
+        let small = rgb.shrink(2, |block| [block.len() as u8, block.iter().map(|pixel| pixel[0]).sum(), 0]);
         assert_eq!((small.width, small.height), (3, 2));
-        let blocks: Vec<u8> = small.pixels.iter().map(|p| p[0]).collect();
-        assert_eq!(blocks, [4, 4, 2, 2, 2, 1]);
+        let (upper, lower) = ([[4, 12, 0], [4, 20, 0], [2, 13, 0]], [[2, 21, 0], [2, 25, 0], [1, 14, 0]]);
+        assert_eq!(small.pixels, [upper, lower].concat());
     }
 }

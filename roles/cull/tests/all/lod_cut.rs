@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
 use trimaran_cull::{Choice, CutRule, LodCut, LodRule, View, Viewport, lod_cut};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Settings, ViewState};
-use trimaran_scene::{Level, NodeId, Scene, random::Random};
+use trimaran_scene::{Level, Node, NodeId, Scene, random::Random};
 
 fn view() -> View {
     looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(100, 100).unwrap(), 0).unwrap()
@@ -62,7 +62,11 @@ fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
     assert_eq!(scene.levels(&scene.nodes()[0]).count(), 1);
     assert_eq!(choose(&scene, 1.0), Choice::Refine);
     assert_eq!(drawn(choose(&scene, 100.0)), [DrawableId(0)]);
-    assert_eq!(lod_cut(&scene, &view(), LodRule::new(1.0).unwrap()), [DrawableId(1), DrawableId(2)]);
+    let rule = LodRule::new(1.0).unwrap();
+    assert_eq!(lod_cut(&scene, &view(), rule), [DrawableId(1), DrawableId(2)]);
+    let childless = Node { child_count: 0, ..scene.nodes()[0] };
+    let choice = LodCut::new(&scene, &view(), rule).choose(NodeId(0), &childless);
+    assert_eq!(drawn(choice), [DrawableId(0)], "a leaf is drawn");
 }
 
 #[test]
@@ -147,6 +151,16 @@ fn the_error_is_infinite_at_the_near_plane_and_around_the_eye() {
         let cut = LodCut::new(&scene, &view(), LodRule::new(1.0).unwrap());
         assert_eq!(cut.error_on_screen(&scene.nodes()[0], 0.1), f64::INFINITY, "{y}");
         assert_eq!(cut.error_on_screen(&scene.nodes()[0], 0.0), 0.0, "{y}");
+    }
+    // A box from the near plane on, exactly, and one just beyond.
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 0.5, FrameNumber(0)).unwrap();
+    let view = View::new(camera, Viewport::new(100, 100).unwrap());
+    let scene = crate_scene(1.0, DVec3::ZERO);
+    let cut = LodCut::new(&scene, &view, LodRule::new(1.0).unwrap());
+    for (front, is_finite) in [(-0.5, false), (-0.501, true)] {
+        let (world_min, world_max) = ([-1.0, -1.0, front - 2.0], [1.0, 1.0, front]);
+        let node = Node { world_min, world_max, ..scene.nodes()[0] };
+        assert_eq!(cut.error_on_screen(&node, 0.1).is_finite(), is_finite, "{front}");
     }
 }
 

@@ -14,8 +14,8 @@ const LEFT: DrawableId = DrawableId(1);
 const RIGHT: DrawableId = DrawableId(2);
 const COARSE: DrawableId = DrawableId(3);
 
-/// An upright square of 2 m.
-fn square(x: f32, z: f32, size: f32) -> FlatObject {
+/// An upright square, `size` metres from its middle to its edges.
+pub(crate) fn square(x: f32, z: f32, size: f32) -> FlatObject {
     let corner = |right: f32, up: f32| Vec3::new(x + size * right, size * up, z);
     FlatObject {
         positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
@@ -44,7 +44,7 @@ fn scene() -> Arc<Scene> {
     Arc::new(Scene::from_arrays(arrays).unwrap())
 }
 
-fn view(x: f64, tan_half_fov: f32) -> View {
+pub(crate) fn view(x: f64, tan_half_fov: f32) -> View {
     let camera = Camera::new([x, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], tan_half_fov, 0.1, FrameNumber(0));
     View::new(camera.unwrap(), Viewport::new(128, 128).unwrap())
 }
@@ -86,6 +86,9 @@ fn a_piece_found_before_the_wall_is_hidden_by_it_later() {
     device.add(&[WALL]).unwrap();
     traversal.test_again(&mut device, &mut found).unwrap();
     assert_eq!(found, [WALL, RIGHT]);
+    let stats = traversal.stats();
+    assert_eq!((stats.tested_again, stats.hidden_later), (3, 1));
+    assert_eq!((stats.counts.emitted, stats.counts.hidden), (2, 1));
 }
 
 #[test]

@@ -1,16 +1,20 @@
 //! Culling in rounds, on the f64 reference.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 
 use glam::DVec3;
 use trimaran_audit::cases::{plant, plant_views};
 use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
-    CullStats, Culler, DepthImage, DepthPyramid, HzbError, HzbTest, LodRule, OcclusionTest, Outline,
-    RoundRule, Rounds, TestBox, TriangleBudget, View, Viewport, draw_order, lod_cut, occluders, triangles,
+    CullStats, Culler, CutRule, DepthImage, DepthPyramid, HzbError, HzbTest, LodRule, OcclusionTest, Outline,
+    RoundRule, Rounds, StepCounts, TestBox, TriangleBudget, View, Viewport, WholeTraversal, draw_order,
+    lod_cut, occluders, triangles,
 };
 use trimaran_proto::DrawableId;
-use trimaran_scene::Scene;
+use trimaran_scene::{FlatObject, Scene, SceneArrays};
+
+use crate::pieces::{square, view};
 
 /// Occluders, and the depth that the last of them completed.
 pub(crate) struct Device {
@@ -154,4 +158,80 @@ fn a_calm_frame_has_one_round_and_its_ids_leave_level_by_level() {
         parts += calm.parts.len();
     }
     assert!(parts > case.views.len());
+}
+
+/// Finds what it is told to, and then shows as many boxes of each batch: the first ones.
+struct Scripted {
+    found: WholeTraversal,
+    shown: std::slice::Iter<'static, usize>,
+}
+
+impl OcclusionTest for Scripted {
+    type Error = Infallible;
+
+    fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
+        let shown = *self.shown.next().unwrap();
+        visible.clear();
+        visible.extend((0..boxes.len()).map(|place| u32::from(place < shown)));
+        Ok(())
+    }
+
+    fn traverse(&mut self, _: &View, _: &CutRule) -> Result<Option<WholeTraversal>, Infallible> {
+        Ok(Some(self.found.clone()))
+    }
+}
+
+/// Per step the triangles of its drawables. The first `last` of all are of the last frame. Returns how many
+/// leave at a time, and how many each further round draws.
+fn play(
+    steps: &[&[usize]],
+    last: u32,
+    budget: u64,
+    most: u32,
+    shown: &'static [usize],
+) -> (Vec<usize>, Vec<usize>) {
+    let objects = (0_u8..).zip(steps.concat()).map(|(place, triangles)| {
+        let square = square(0.0, -10.0 - f32::from(place), 1.0);
+        let positions = square.positions[..3].to_vec();
+        FlatObject { positions, indices: [0, 1, 2].repeat(triangles), ..square }
+    });
+    let scene = Arc::new(Scene::from_arrays(SceneArrays::flat(&objects.collect::<Vec<_>>())).unwrap());
+    let counts = |step: &&[usize]| StepCounts { whole: step.len() as u32, ..StepCounts::default() };
+    let visible = (0..scene.drawables().len() as u32).map(DrawableId).collect();
+    let found = WholeTraversal { visible, steps: steps.iter().map(counts).collect() };
+    let (mut test, view) = (Scripted { found, shown: shown.iter() }, view(0.0, 1.0));
+    let last: Vec<_> = (0..last).map(DrawableId).collect();
+    let mut culler = Culler::new(scene);
+    let traversal = culler.traverse(&view, LodRule::new(1.0).unwrap(), &test).unwrap();
+    let rule = RoundRule { most, budget: TriangleBudget(budget) };
+    let (mut rounds, mut left) = (Rounds::new(traversal, &last, &[], rule), Vec::new());
+    let mut drawn: Vec<Vec<DrawableId>> = Vec::new();
+    let mut draw = |_: &mut Scripted, ids: &[DrawableId]| {
+        drawn.push(ids.to_vec());
+        Ok(())
+    };
+    while let Some(ids) = rounds.next(&mut test, &mut draw).unwrap() {
+        left.push(ids.len());
+    }
+    assert_eq!(rounds.rounds() as usize, 1 + drawn.len());
+    assert_eq!(rounds.occluders(), drawn.concat());
+    (left, drawn.iter().map(Vec::len).collect())
+}
+
+#[test]
+fn a_further_round_comes_where_much_is_new_and_the_last_one_hid_much() {
+    let one = |steps: &[&[usize]], last, budget, shown| play(steps, last, budget, 4, shown);
+    // Ids leave at once up to a 32nd of the budget.
+    assert_eq!(one(&[&[2], &[1], &[2]], 0, 64, &[]), (vec![1, 2], vec![]));
+    // Less than half a budget is new, and just half.
+    assert_eq!(one(&[&[4]], 0, 10, &[]), (vec![1], vec![]));
+    assert_eq!(one(&[&[5]], 0, 10, &[1]), (vec![1], vec![1]));
+    // Less than a quarter of all is new, and just a quarter.
+    assert_eq!(one(&[&[32, 4]], 1, 8, &[]), (vec![2], vec![]));
+    assert_eq!(one(&[&[12, 4]], 1, 8, &[2]), (vec![2], vec![1]));
+    // Sixteen of one triangle: a round draws up to two budgets, then what is left.
+    let sixteen = |most, shown| play(&[&[1; 16]], 0, 3, most, shown);
+    assert_eq!(sixteen(4, &[8, 8]), (vec![8], vec![6, 2]), "half of them hidden");
+    assert_eq!(sixteen(4, &[9]), (vec![9], vec![6]), "less than half");
+    assert_eq!(sixteen(2, &[8]), (vec![8], vec![6]), "no more rounds");
 }

@@ -2,6 +2,7 @@
 //! with them.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -14,7 +15,9 @@ use trimaran_proto::{
     Appearance, DrawableId, ObjectSet, Section, SectionBox, SectionPlane, Sections, Settings, ViewState,
 };
 use trimaran_scene::random::Random;
-use trimaran_scene::{Node, Scene};
+use trimaran_scene::{Node, Scene, SceneArrays};
+
+use crate::pieces::square;
 
 const OBJECTS: u32 = 300;
 
@@ -172,4 +175,29 @@ fn what_is_seen_through_is_no_occluder() {
     CutRule::from(state.lod).retain_solid(&scene, &mut all);
     select_occluders(&scene, &views[0], &mut all, trimaran_cull::TriangleBudget(u64::MAX));
     assert!(all.len() > solid.len(), "a rule of levels alone takes all");
+}
+
+/// Of three objects the first is hidden, and the model has the second see-through.
+#[test]
+fn what_the_model_has_see_through_is_so_unless_the_view_state_says_otherwise() {
+    let mut arrays = SceneArrays::flat(&[0.0, 1.0, 2.0].map(|x| square(x, -10.0, 0.5)));
+    arrays.see_through = [1].into_iter().collect();
+    let scene = Scene::from_arrays(arrays).unwrap();
+    let hidden = ViewState { hidden: [0].into_iter().collect(), ..state(1.0) };
+    let solid = ViewState { see_through: Some(ObjectSet::default()), ..hidden.clone() };
+    let [modelled, solid] = [hidden, solid].map(|state| CutRule::new(&scene, &state));
+    // The root, a mixture, and the objects.
+    let codes = |rule: &CutRule| [0, 2, 4, 6].map(|bit| rule.appearance_bits(&scene, 0) >> bit & 3);
+    assert_eq!((codes(&modelled), codes(&solid)), ([3, 2, 1, 0], [3, 2, 0, 0]));
+
+    let ids = [0, 1, 2].map(DrawableId);
+    let mut see_through = vec![DrawableId(9)];
+    assert_eq!(*modelled.divide(&scene, &ids, &mut see_through), [0, 2].map(DrawableId));
+    assert_eq!(see_through, [DrawableId(1)]);
+    let levels = CutRule::from(state(1.0).lod);
+    assert!(matches!(levels.divide(&scene, &ids, &mut see_through), Cow::Borrowed(all) if all == ids));
+    assert_eq!(see_through, []);
+
+    assert!(modelled.looks_like(&modelled.clone()) && levels.looks_like(&state(9.0).lod.into()));
+    assert!(![&solid, &levels].iter().any(|other| modelled.looks_like(other)), "others look otherwise");
 }

@@ -10,6 +10,9 @@ use trimaran_cull::{
     WholeTraversal, lod_cut,
 };
 use trimaran_proto::DrawableId;
+use trimaran_scene::{Scene, SceneArrays};
+
+use crate::pieces::{square, view};
 
 /// Without occluders, with a traversal of its own.
 struct Own(WholeTraversal);
@@ -35,7 +38,8 @@ impl OcclusionTest for Own {
 fn a_traversal_of_the_tests_own_gives_its_ids_step_by_step_and_ascending() {
     let step = StepCounts { visited: 2, tested: 1, whole: 1, in_pieces: 1, refined: 1, ..Default::default() };
     let pieces = StepCounts { visited: 2, tested: 2, pieces: 1, hidden: 1, ..Default::default() };
-    let last = StepCounts { visited: 3, outside: 1, whole: 2, ..Default::default() };
+    let untested = StepCounts { eye_inside: 1, near_visible: 2, not_finite: 3, ..Default::default() };
+    let last = StepCounts { visited: 3, outside: 1, whole: 2, ..untested };
     let visible = [9, 2, 4, 7].map(DrawableId).to_vec();
     let scene = plant(7, 100, DVec3::ZERO).unwrap();
     let view = plant_views(7, 100, DVec3::ZERO, Viewport::new(64, 64).unwrap(), 1).unwrap()[0];
@@ -61,6 +65,7 @@ fn a_traversal_of_the_tests_own_gives_its_ids_step_by_step_and_ascending() {
     let counts = stats.counts;
     assert_eq!((counts.visited, counts.outside, counts.tested, counts.hidden), (7, 1, 3, 1));
     assert_eq!((counts.emitted, counts.refined, counts.batches), (4, 1, 2));
+    assert_eq!((counts.eye_inside, counts.near_visible, counts.not_finite), (1, 2, 3));
 }
 
 #[test]
@@ -76,4 +81,28 @@ fn a_difference_from_asking_box_by_box_is_an_error_that_names_it() {
     let error = culler.cull(&view, rule, &mut test, |_| ()).unwrap_err();
     let CullError::Differs { own, asked: found, first } = error else { panic!("{error}") };
     assert_eq!((own, found, first), (asked - 1, asked, Some(lost)));
+}
+
+#[test]
+fn drawables_steps_and_counters_have_to_be_those_of_asking_box_by_box() {
+    let objects = [0.0, 1.0, 2.0].map(|x| square(x, -10.0, 0.5));
+    let mut culler = Culler::new(Arc::new(Scene::from_arrays(SceneArrays::flat(&objects)).unwrap()));
+    let root = StepCounts { visited: 1, tested: 1, refined: 1, ..Default::default() };
+    let leaves = StepCounts { visited: 3, tested: 3, whole: 3, ..Default::default() };
+    // The given ids and the batches, or the first id that differs.
+    let mut check = |ids: [u32; 3], steps: [StepCounts; 2]| {
+        let visible = ids.map(DrawableId).to_vec();
+        let mut test = Own(WholeTraversal { visible, steps: steps.to_vec() });
+        let (view, rule, mut given) = (view(0.0, 1.0), LodRule::new(1.0).unwrap(), Vec::new());
+        match culler.cull(&view, rule, &mut test, |ids| given.extend(ids.iter().map(|id| id.0))) {
+            Ok(stats) => Ok((given, stats.counts.batches)),
+            Err(CullError::Differs { own: 3, asked: 3, first }) => Err(first.map(|id| id.0)),
+            Err(error) => panic!("{error}"),
+        }
+    };
+    assert_eq!(check([2, 0, 1], [root, leaves]), Ok((vec![0, 1, 2], 2)));
+    assert_eq!(check([0, 1, 7], [root, leaves]), Err(Some(2)));
+    assert_eq!(check([0, 1, 2], [root, StepCounts { visited: 4, ..leaves }]), Err(None));
+    let early = [StepCounts { whole: 1, ..root }, StepCounts { whole: 2, ..leaves }];
+    assert_eq!(check([0, 1, 2], early), Err(None));
 }
