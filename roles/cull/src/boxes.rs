@@ -214,3 +214,79 @@ fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
     // The order of the edges does not matter: a box does not depend on the names of its axes.
     [first, second, first.cross(second)]
 }
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, FrameNumber};
+    use trimaran_scene::random::Random;
+
+    use super::*;
+    use crate::Viewport;
+
+    /// Eight pixels to the metre at a depth of one metre, down -z.
+    fn maker(near: f32, outline: Outline) -> BoxMaker {
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, near, FrameNumber(0)).unwrap();
+        BoxMaker::new(&View::new(camera, Viewport::new(16, 8).unwrap()), outline)
+    }
+
+    /// An upright node of these half-edges.
+    fn node(origin: [f64; 3], half: Vec3, reach: f32) -> Node {
+        Node { origin, local_min: (-half).to_array(), local_max: half.to_array(), reach, ..Node::default() }
+    }
+
+    #[test]
+    fn the_slack_grows_with_the_numbers_and_with_the_square_of_the_depth() {
+        // The centre is 5 m away, a corner 3 m from it, and a vertex up to 7 m from the origin: 15 m in all.
+        // Depths go from 2 to 6 m, so the ties take 6 x 6 / 2 m, or less if the near plane is beyond 2 m.
+        let node = node([3.0, 0.0, -4.0], Vec3::new(1.0, 2.0, 2.0), 7.0);
+        let ulps = |near| maker(near, Outline::OnScreen).slack(&node) * f64::from(1 << 24);
+        assert_eq!([0.25, 4.0].map(ulps), [16.0 * (15.0 + 18.0), 16.0 * (15.0 + 9.0)]);
+    }
+
+    #[test]
+    fn a_box_is_grown_by_the_outline_at_its_greatest_depth_after_it_was_inflated() {
+        // Vertices 2^20 m from the origin: all sides are inflated by a metre, so the box ends 11 m deep.
+        let node = node([0.0, 0.0, -8.0], Vec3::new(1.0, 2.0, 2.0), (1 << 20) as f32);
+        let Prepared::Test(grown) = maker(0.25, Outline::InBox).prepare(&node) else { panic!("testable") };
+        let half: Vec3 = grown.axes.iter().map(|axis| axis.abs()).sum();
+        // Half a pixel and a 256th, of which a metre has eight at a depth of one metre.
+        let outline = 11.0 * (0.5 + 1.0 / 256.0) / 8.0;
+        assert!(half.abs_diff_eq(Vec3::new(2.0 + outline, 3.0 + outline, 3.0), 1e-4), "{half}");
+    }
+
+    #[test]
+    fn a_box_is_tested_from_a_hundred_thousandth_beyond_the_near_plane() {
+        // A point is inflated by two millionths there.
+        for (depth, tested) in [(1.000_011, false), (1.000_013, true)] {
+            let found = maker(1.0, Outline::OnScreen).prepare(&node([0.0, 0.0, -depth], Vec3::ZERO, 0.0));
+            let across = found == Prepared::Visible(Untestable::AcrossNear);
+            assert_eq!((across, matches!(found, Prepared::Test(_))), (!tested, tested), "{depth}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_frame_follows_the_longest_edge_and_the_next_one_that_is_not_parallel() {
+        let mut random = Random::new(7);
+        for _ in 0..100 {
+            let along = random.direction();
+            let side = along.cross(random.direction()).normalize();
+            let other = along.cross(side);
+            let size = random.between(-40.0, 40.0).exp2();
+            for (edges, expected) in [
+                ([along * 3.0, side * 2.0 + along, other], Some(side)),
+                ([along * 3.0, other, side * 2.0 + along], Some(side)),
+                ([along * 3.0, along * 2.0, side + along * 0.5], Some(side)),
+                // Hardly slanted: rounding of the edge turns its side a little.
+                ([along * 3.0, along * 2.0 + side * 1e-9, other], Some(side)),
+                ([along * 3.0, along * 2.0, -along], None),
+            ] {
+                let [first, second, third] = frame_of(edges.map(|edge| edge * size));
+                assert!(first.abs_diff_eq(along, 1e-14), "{first}, not {along}");
+                assert!(expected.is_none_or(|side| second.abs_diff_eq(side, 1e-6)), "{second}: {edges:?}");
+                let products = [first.dot(second), second.dot(third), third.dot(first)];
+                assert!(products.iter().all(|product| product.abs() < 1e-14), "{products:?}: {edges:?}");
+                assert!([second, third].iter().all(|u| (u.length() - 1.0).abs() < 1e-14), "{edges:?}");
+            }
+        }
+    }
+}

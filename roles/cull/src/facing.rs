@@ -56,3 +56,49 @@ impl Solids {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Mat3, Vec3};
+    use trimaran_proto::{Camera, FrameNumber};
+    use trimaran_scene::Sides;
+
+    use super::*;
+    use crate::Viewport;
+
+    #[test]
+    fn a_solid_shows_its_front_to_eyes_that_are_farther_from_its_box_than_the_near_plane_s_corners() {
+        let drawable = Drawable {
+            error: 0.0,
+            node: 0,
+            geometry: 0,
+            triangles: 1,
+            sides: Sides::FRONT,
+            piece: 0,
+            pieces: 1,
+        };
+        let shown = |eye: [f64; 3], scale: Vec3| {
+            let linear = Mat3::from_diagonal(scale).to_cols_array();
+            let part =
+                Node { linear, world_min: [4.0, 5.0, 6.0], world_max: [5.0, 7.0, 9.0], ..Node::default() };
+            // The corners are 0.173 m away.
+            let camera = Camera::new(eye, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(0)).unwrap();
+            Solids::new(&View::new(camera, Viewport::new(8, 8).unwrap())).facing(&drawable, &part)
+        };
+        let mirrored = Vec3::new(1.0, -2.0, 1.0);
+        for (axis, (low, high)) in [(4.0, 5.0), (5.0, 7.0), (6.0, 9.0)].into_iter().enumerate() {
+            for (beyond, sides) in [
+                (-0.5, [Facing::Both; 2]),
+                (0.17, [Facing::Both; 2]),
+                (0.18, [Facing::Front, Facing::Mirrored]),
+            ] {
+                for place in [low - beyond, high + beyond] {
+                    let mut eye = [4.5, 6.0, 7.5];
+                    eye[axis] = place;
+                    assert_eq!([Vec3::ONE, mirrored].map(|scale| shown(eye, scale)), sides, "{eye:?}");
+                }
+            }
+        }
+        assert_eq!(shown([0.0; 3], Vec3::new(1.0, 1.0, 0.0)), Facing::Both, "flattened");
+    }
+}

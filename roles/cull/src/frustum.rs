@@ -95,3 +95,77 @@ pub fn retain_in_sight(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>) {
 fn l1(v: DVec3) -> f64 {
     v.x.abs() + v.y.abs() + v.z.abs()
 }
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, FrameNumber, SectionBox, SectionPlane};
+
+    use super::*;
+    use crate::Viewport;
+
+    /// Down -z from the eye, twice as wide as high: 45 degrees to each side. Near distance 0.25 m.
+    fn frustum(eye: [f64; 3], section: Option<Section>) -> Frustum {
+        let camera = Camera::new(eye, [0.0, 0.0, 0.0, 1.0], 0.5, 0.25, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(16, 8).unwrap());
+        Frustum::new(&view.with_sections(Sections::new(section.as_slice()).unwrap()))
+    }
+
+    fn plane(location: DVec3, direction: DVec3) -> Section {
+        Section::Plane(SectionPlane::new(location.to_array(), direction.to_array()).unwrap())
+    }
+
+    #[test]
+    fn a_box_that_touches_a_side_of_the_frustum_with_its_slack_is_not_outside() {
+        let frustum = frustum([0.0; 3], None);
+        let axes = DVec3::AXES.map(|axis| axis * 0.5);
+        // Half-edges of 0.5 m and a slack of 0.25 m: 0.75 m each way. The far corners touch, 4.75 m deep.
+        // There the frustum reaches 4.75 m to the right and half as far up.
+        for (touching, beyond) in [
+            (DVec3::new(5.5, 0.0, -4.0), DVec3::X),
+            (DVec3::new(-5.5, 0.0, -4.0), -DVec3::X),
+            (DVec3::new(0.0, 3.125, -4.0), DVec3::Y),
+            (DVec3::new(0.0, -3.125, -4.0), -DVec3::Y),
+            (DVec3::new(0.0, 0.0, 0.5), DVec3::Z),
+        ] {
+            let outside = [0.0, 1e-9].map(|by| frustum.excludes(touching + beyond * by, &axes, 0.25));
+            assert_eq!(outside, [false, true], "{touching}");
+        }
+    }
+
+    #[test]
+    fn sections_cut_away_what_is_beyond_them_by_more_than_the_slack() {
+        let (min, max) = (DVec3::splat(5.0), DVec3::splat(6.0));
+        let cuts = |section| frustum([0.0; 3], Some(section)).cuts_away(min, max, 0.25);
+        let kept =
+            |low: DVec3, high: DVec3| Section::Box(SectionBox::new(low.to_array(), high.to_array()).unwrap());
+        let (low, high) = (DVec3::splat(4.0), DVec3::splat(8.0));
+        assert!(!cuts(kept(low, high)));
+        for axis in DVec3::AXES {
+            let at = |corner: DVec3, place: f64| DVec3::select(axis.cmpgt(DVec3::ZERO), axis * place, corner);
+            for (below, above, cut) in [(4.75, 6.25, false), (4.5, 6.5, true)] {
+                let sections = [
+                    plane(axis * below, axis),
+                    plane(axis * above, -axis),
+                    kept(low, at(high, below)),
+                    kept(at(low, above), high),
+                ];
+                assert_eq!(sections.map(cuts), [cut; 4], "{axis} {below} {above}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_slack_is_a_millionth_of_the_numbers_that_place_a_box() {
+        let eye = DVec3::new(10.0, 20.0, 30.0);
+        let (centre, half) = (eye + DVec3::new(-1.0, 2.0, -8.0), DVec3::new(0.5, 3.0, 1.5));
+        let (world_min, world_max) = ((centre - half).to_array(), (centre + half).to_array());
+        let origin = (eye + DVec3::new(7.0, -16.0, -40.0)).to_array();
+        let node = Node { world_min, world_max, origin, ..Node::default() };
+        // About the eye: 11 m for the centre and 63 m for the origin, and 5 m of half-edges.
+        let outside = [78e-6, 80e-6].map(|beyond| {
+            let section = plane(DVec3::X * (world_min[0] - beyond), DVec3::X);
+            frustum(eye.to_array(), Some(section)).excludes_world_box(&node)
+        });
+        assert_eq!(outside, [false, true]);
+    }
+}

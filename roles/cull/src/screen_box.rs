@@ -361,7 +361,14 @@ mod tests {
             let texels = |level: usize| ((start + longest) >> level) - (start >> level) + 1;
             assert!(texels(level) <= 5, "{longest} pixels from {start}");
             assert!(level == 0 || texels(level - 1) >= 5, "{longest} pixels from {start}");
+            let level = columns.level_of_four_texels();
+            assert_eq!(rows.level_of_four_texels(), level);
+            assert!(texels(level) <= 2, "{longest} pixels from {start}");
+            assert!(level == 0 || texels(level - 1) > 2, "{longest} pixels from {start}");
         }
+        // It rises at each power of two, where five texels of the finer level would still do.
+        let coarse = |x1: usize| PixelRect { x0: 0, x1, y0: 0, y1: 0 }.coarse_level();
+        assert_eq!([3, 4, 7, 8, 15, 16].map(coarse), [0, 1, 1, 2, 2, 3]);
     }
 
     #[test]
@@ -401,6 +408,25 @@ mod tests {
         assert_eq!(moved(Vec3::X * 9.0).unwrap().0, None, "beside the picture");
         assert_eq!(moved(Vec3::Y * 9.0).unwrap().0, None, "above the picture");
         assert!(moved(Vec3::Z * 4.9).is_some() && moved(Vec3::Z * 5.1).is_none(), "at the eye's plane");
+        let tiny = |depth: f32| upright(Vec3::Z * -depth * f32::MIN_POSITIVE, Vec3::Z * f32::MIN_POSITIVE);
+        let found = [2.0, 3.0].map(|depth| of(Outline::InBox, &tiny(depth), 0.0).is_some());
+        assert_eq!(found, [false, true], "at the smallest f32");
+    }
+
+    /// A box whose right side is a 64th of a pixel left of the centres of column 5, by exact numbers.
+    #[test]
+    fn an_outline_that_just_touches_a_pixel_s_centre_does_not_miss_it() {
+        let right = 95.0 / 128.0;
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, right, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(8, 8).unwrap());
+        let test_box = upright(Vec3::new(right - 0.5, 0.0, -4.5), Vec3::splat(0.5));
+        let projection = ScreenProjection::new(&view, Outline::InBox);
+        let footprint = projection.footprint(&test_box, projection.grown).unwrap();
+        let rect = footprint.pixels.unwrap();
+        assert_eq!([rect.x0, rect.x1, rect.y0, rect.y1], [3, 5, 3, 4]);
+        let shape = ScreenShape::new(&projection, &test_box, &footprint, rect);
+        let misses = |x| shape.misses(PixelRect { x0: x, x1: x, y0: 4, y1: 4 });
+        assert_eq!([4, 5, 6].map(misses), [false, false, true]);
     }
 
     #[test]

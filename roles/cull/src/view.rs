@@ -135,3 +135,37 @@ impl View {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_1_SQRT_2;
+
+    use trimaran_proto::{FrameNumber, Section, SectionPlane};
+
+    use super::*;
+
+    /// From (1, 2, 3) down -x, so that -z is to the right.
+    fn view() -> View {
+        let orientation = [0.0, FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2];
+        let camera = Camera::new([1.0, 2.0, 3.0], orientation, 0.5, 0.1, FrameNumber(0)).unwrap();
+        View::new(camera, Viewport::new(16, 8).unwrap())
+    }
+
+    #[test]
+    fn view_space_is_right_up_and_back_from_the_eye() {
+        let place = view().world_to_view(DVec3::new(-4.0, 3.0, 1.0));
+        assert!(place.abs_diff_eq(DVec3::new(2.0, 1.0, -5.0), 1e-14), "{place}");
+        assert_eq!([view().tan_half_fov_x(), view().tan_half_fov_y()], [1.0, 0.5]);
+        assert_eq!(view().on_grid(SubPixelGrid::of_bits(4)).grid(), SubPixelGrid::of_bits(4));
+    }
+
+    #[test]
+    fn planes_of_sections_keep_in_view_space_what_they_keep_in_the_world() {
+        // All with x up to -2 is kept: from 3 m before the eye on.
+        let plane = SectionPlane::new([-2.0, 7.0, 8.0], [1.0, 0.0, 0.0]).unwrap();
+        let view = view().with_sections(Sections::new(&[Section::Plane(plane)]).unwrap());
+        let planes: Vec<DVec4> = view.section_planes().collect();
+        let [plane] = planes[..] else { panic!("{planes:?}") };
+        assert!(plane.abs_diff_eq(DVec4::new(0.0, 0.0, -1.0, -3.0), 1e-14), "{plane}");
+    }
+}

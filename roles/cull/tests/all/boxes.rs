@@ -57,6 +57,8 @@ fn a_box_that_is_not_finite_is_visible() {
     let mut node = scene.nodes()[0];
     node.linear = [f32::MAX; 9];
     assert_eq!(maker.prepare(&node), visible, "too large for f32");
+    let far = Node { origin: [0.0, 1e39, 0.0], ..scene.nodes()[0] };
+    assert_eq!(maker.prepare(&far), visible, "too far for f32");
 }
 
 /// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an empty

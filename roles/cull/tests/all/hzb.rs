@@ -7,6 +7,7 @@ use trimaran_cull::{
     DepthImage, DepthPyramid, HzbError, HzbTest, OcclusionTest, Outline, RectangleTest, TestBox, View,
     Viewport,
 };
+use trimaran_proto::{Camera, FrameNumber};
 use trimaran_scene::random::Random;
 
 fn random_box(random: &mut Random) -> TestBox {
@@ -181,6 +182,75 @@ fn a_box_that_takes_too_long_counts_as_visible() {
         let pyramid = DepthPyramid::over(image);
         let test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
         assert_eq!(answers(test, &view, &[test_box]), [shows], "{half} m");
+    }
+}
+
+/// A plate across a picture of one row, from its left edge on: it comes nearer to the right. Its pixels have
+/// the depth of its front half a pixel farther right, so only single pixels hide them.
+#[test]
+fn a_box_takes_at_most_256_texels() {
+    let viewport = Viewport::new(256, 1).unwrap();
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0 / 256.0, 0.01, FrameNumber(0)).unwrap();
+    let view = View::new(camera, viewport);
+    // The test begins at level 6, whose texels have 64 pixels. The first one hides the plate and does not
+    // count. The next two lead to 127 texels each, down to the pixels. The last one ends in background, so it
+    // is opened. Its first half is the 256th texel and hides the plate. A 225th pixel leads to more.
+    for (columns, shows) in [(224, 0), (225, 1)] {
+        let inverse = |column: f64| (1.0 + column / f64::from(columns)) / 8.0;
+        let end = |column: f64| DVec3::new((column - 128.0) / 128.0, 0.0, -1.0) / inverse(column);
+        let (left, right) = (end(0.0), end(f64::from(columns)));
+        let half = (right - left) * 0.5;
+        let axes = [half, DVec3::Y, half.cross(DVec3::Y).normalize() * 1e-4].map(|axis| axis.as_vec3());
+        let plate = TestBox { centre: ((left + right) * 0.5).as_vec3(), axes };
+        let depth: Vec<f32> = (0..256)
+            .map(|column| match column {
+                64..192 => (0.01 * inverse(f64::from(column) + 1.0)) as f32,
+                column if column < columns => 1.0,
+                _ => 0.0,
+            })
+            .collect();
+        let image = DepthImage::new(viewport, &depth).unwrap();
+        let pyramid = DepthPyramid::over(image);
+        let test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+        assert_eq!(answers(test, &view, &[plate]), [shows], "{columns} columns");
+    }
+}
+
+/// The nearest depth of this box, with its allowance, is a number of f32: few boxes have one.
+#[test]
+fn a_box_at_the_very_depth_of_the_picture_shows() {
+    let viewport = Viewport::new(8, 8).unwrap();
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 623.0 / 1024.0, FrameNumber(0)).unwrap();
+    let view = View::new(camera, viewport);
+    let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 0.5);
+    let test_box = TestBox { centre: Vec3::Z * -4.517_202, axes };
+    let nearest = 0.170_527_4_f32;
+    for (depth, shows) in [(nearest, 1), (nearest.next_up(), 0)] {
+        let depth = [depth; 64];
+        let image = DepthImage::new(viewport, &depth).unwrap();
+        let pyramid = DepthPyramid::over(image);
+        assert_eq!(answers(HzbTest::new(image, &pyramid).unwrap(), &view, &[test_box]), [shows]);
+        assert_eq!(answers(RectangleTest::new(Some(image), &pyramid), &view, &[test_box]), [shows]);
+    }
+}
+
+/// Pixels 2 to 5 each way are four texels of level 1.
+#[test]
+fn a_rectangle_is_hidden_if_its_four_texels_are() {
+    let viewport = Viewport::new(8, 8).unwrap();
+    let view = looking(DVec3::ZERO, DVec3::Y, 90.0, viewport, 0).unwrap();
+    let test_box = TestBox { centre: Vec3::Z * -5.0, axes: [Vec3::X * 1.5, Vec3::Y * 1.5, Vec3::Z * 0.2] };
+    for (hole, shows) in
+        [(None, 0), (Some((2, 2)), 1), (Some((5, 2)), 1), (Some((2, 5)), 1), (Some((5, 5)), 1)]
+    {
+        let mut depth = [0.0; 64];
+        for (x, y) in (2..6).flat_map(|y| (2..6).map(move |x| (x, y))).filter(|at| Some(*at) != hole) {
+            depth[y * 8 + x] = 1.0;
+        }
+        let image = DepthImage::new(viewport, &depth).unwrap();
+        let pyramid = DepthPyramid::over(image);
+        let test = RectangleTest::new(Some(image), &pyramid);
+        assert_eq!(answers(test, &view, &[test_box]), [shows], "{hole:?}");
     }
 }
 
