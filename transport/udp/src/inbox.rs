@@ -317,6 +317,10 @@ mod tests {
             assert_eq!(inbox.take(), Ok(None));
             assert!(!inbox.is_readable());
         }
+        inbox.put(1, 0, Tail::More, &bytes).unwrap();
+        assert_eq!((all(&mut inbox).len(), inbox.is_readable()), (1, false));
+        inbox.set_batch(BatchSize::new(2).unwrap());
+        assert_eq!((inbox.is_readable(), all(&mut inbox).len()), (true, 1), "two items are a batch now");
     }
 
     #[test]

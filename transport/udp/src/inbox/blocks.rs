@@ -121,3 +121,102 @@ impl Blocks {
         self.kept = 0;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use trimaran_wire::BatchSize;
+
+    use crate::chunk::{GivenUp, Tail};
+    use crate::inbox::Inbox;
+    use crate::inbox::tests::{all, empty, unit_of};
+    use crate::repair::Block;
+    use crate::samples::FORMAT;
+
+    type Act = fn(&mut Inbox);
+
+    /// Bytes of unit 0 come; its head has 80.
+    fn put(inbox: &mut Inbox, from: usize, to: usize, tail: Tail) {
+        let bytes = unit_of(&FORMAT, &[7; 100_004]);
+        inbox.put(0, from as u64, tail, &bytes[from..to]).unwrap();
+    }
+
+    /// One of two repair shards comes, for two shards from `offset` on.
+    fn put_repair(inbox: &mut Inbox, offset: u64) {
+        let block = Block { offset, length: 1024, shard: 512, count: 2 };
+        inbox.put_repair(0, block, None, 0, &[7; 512]).unwrap();
+    }
+
+    fn give_up(inbox: &mut Inbox, length: u64) {
+        inbox.give_up(0, GivenUp { length, sent: length, hash: 7, coded: None }, &[]).unwrap();
+    }
+
+    fn take(inbox: &mut Inbox) {
+        assert!(inbox.take().unwrap().is_some());
+    }
+
+    /// A step is eight bytes or one look-up. A chunk costs 16 of them, and a new page 288.
+    #[test]
+    fn all_that_is_done_for_a_unit_is_counted_in_steps() {
+        let mut inbox = empty();
+        let acts: [(u64, &str, Act); 14] = [
+            (321, "a page is made", |inbox| put(inbox, 0, 80, Tail::More)),
+            (14, "the beginning is decoded", take),
+            (297, "the page is filled, word by word", |inbox| put(inbox, 80, 2048, Tail::More)),
+            (318, "another page, behind two that are left out", |inbox| put(inbox, 6144, 6208, Tail::More)),
+            (150, "repair is kept, and both shards are looked for", |inbox| put_repair(inbox, 2048)),
+            (16, "nothing comes, in the block", |inbox| put(inbox, 2100, 2100, Tail::Pause)),
+            (310, "a third page, of which the block has no part", |inbox| put(inbox, 3072, 3080, Tail::More)),
+            (194, "the block is whole: nothing is restored", |inbox| put(inbox, 2048, 3072, Tail::Pause)),
+            (394, "three batches are copied, and the block is over", |inbox| drop(all(inbox))),
+            (17, "no more comes", |inbox| {
+                inbox.set_batch(BatchSize::new(15).unwrap());
+                give_up(inbox, 6208);
+            }),
+            (7, "the items before the gap", take),
+            (30, "a batch behind the gap: no more than that is looked at", take),
+            (7, "the last item", take),
+            (36, "the end: no word of the page has more, and the pages are given back", take),
+        ];
+        for (steps, why, act) in acts {
+            let before = inbox.work();
+            act(&mut inbox);
+            assert_eq!(inbox.work() - before, steps, "{why}");
+        }
+    }
+
+    #[test]
+    fn repair_counts_as_kept_until_its_block_or_its_unit_is_over() {
+        let cases: [(usize, &str, Act, Act); 4] = [
+            (1, "it is waited for", |inbox| put(inbox, 0, 80, Tail::More), take),
+            (0, "no more comes", |inbox| put(inbox, 0, 80, Tail::More), |inbox| give_up(inbox, 2000)),
+            (
+                0,
+                "the unit ends within the block",
+                |inbox| put(inbox, 0, 80, Tail::More),
+                |inbox| {
+                    put(inbox, 80, 100, Tail::End);
+                    assert_eq!(all(inbox).len(), 2);
+                },
+            ),
+            (
+                0,
+                "the block was delivered long before",
+                |inbox| {
+                    put(inbox, 0, 100_080, Tail::Pause);
+                    all(inbox);
+                },
+                |inbox| {
+                    put(inbox, 100_080, 100_084, Tail::Pause);
+                    take(inbox);
+                },
+            ),
+        ];
+        for (kept, why, before, behind) in cases {
+            let mut inbox = empty();
+            before(&mut inbox);
+            put_repair(&mut inbox, 0);
+            behind(&mut inbox);
+            assert_eq!(inbox.repair, kept, "{why}");
+        }
+    }
+}

@@ -133,6 +133,7 @@ mod tests {
         let items = all(&mut inbox);
         let expected: Vec<u32> = [0..4, 30..41, 81..90].into_iter().flatten().collect();
         assert_eq!(items_of(&items), expected, "whole items, in order, none that came later");
+        assert_eq!(batches(&items).count(), 3, "none is empty");
         let end = FrameEnd { frame: FrameNumber(0), items: 100, hash: 7 };
         assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
         assert_eq!((inbox.taken, inbox.used, inbox.units.len(), inbox.first), (460, 460, 0, 1));
@@ -203,8 +204,15 @@ mod tests {
         let mut inbox = empty();
         inbox.put(0, 0, Tail::More, &frame_of(10)).unwrap();
         inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &[]).unwrap();
+        assert_eq!(inbox.put(0, 120, Tail::More, &[1]), Err(LaneViolation::End), "it still ends there");
         assert_eq!(items_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
         assert_eq!(inbox.first, 1, "only its end had been lost");
+
+        let mut inbox = empty();
+        inbox.give_up(0, GivenUp { length: 80, sent: 80, hash: 7, coded: None }, &frame_of(0)).unwrap();
+        let items = all(&mut inbox);
+        let end = FrameEnd { frame: FrameNumber(0), items: 0, hash: 7 };
+        assert_eq!(items[1..], [Received::Frame(FrameMessage::End(end))], "the beginning is all of it");
     }
 
     #[test]
@@ -248,6 +256,9 @@ mod tests {
             Ok(true),
             "of no use, so there is no need of a place"
         );
+        inbox.put(0, 0, Tail::More, &[0; 128]).unwrap();
+        assert!((0..32).all(|index| inbox.put_repair(8, block, None, index, &[0; 2]) == Ok(true)));
+        assert_eq!(inbox.put_repair(0, block, None, 0, &[0; 2]), Ok(true), "this block came whole, too");
         let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
         assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::FlowControl));
     }

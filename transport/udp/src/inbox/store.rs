@@ -282,4 +282,33 @@ mod tests {
         assert_eq!((pool.pages.len(), pool.lists.len(), store.ready()), (0, 0, PAGE as u64 / 2));
         assert!(!store.has(0..PAGE as u64), "what came before in that page is forgotten");
     }
+
+    #[test]
+    fn a_burst_does_not_keep_its_memory() {
+        let mut pool = Pool::default();
+        let mut stores: Vec<_> = (0..LISTS + 2).map(|_| pool.store()).collect();
+        stores.iter_mut().for_each(|store| store.write(0, &[1; FREE / LISTS * PAGE], &mut pool));
+        stores.into_iter().for_each(|store| pool.take_back(store));
+        assert_eq!((pool.pages.len(), pool.lists.len()), (FREE, LISTS));
+    }
+
+    #[test]
+    fn what_is_released_is_gone_by_whole_pages() {
+        let page = PAGE as u64;
+        let mut pool = Pool::default();
+        let mut store = pool.store();
+        store.write(0, &[1; 4 * PAGE], &mut pool);
+        store.release(4 * page, 2 * page + 5, &mut pool);
+        for (from, there) in [(0, false), (page + 2, false), (2 * page - 1, false), (2 * page, true)] {
+            assert_eq!(store.has(from..from + 10), there, "{from}");
+        }
+        let before = pool.work;
+        assert_eq!(store.next_piece(0, 64, &mut pool), Some(2 * page..2 * page + 64));
+        assert_eq!(pool.work - before, 2, "one word is looked at, for its start and for its end");
+
+        let mut store = pool.store();
+        store.release(0, 2 * page + 5, &mut pool);
+        store.write(2 * page + 5, &[1], &mut pool);
+        assert!(store.has(2 * page + 5..2 * page + 6), "what comes behind released pages has a place");
+    }
 }

@@ -235,3 +235,62 @@ fn end_of(frame: FrameNumber, items: u64, hash: u64) -> Result<Received, LaneVio
     let items = u32::try_from(items).map_err(|_| LaneViolation::Unit)?;
     Ok(Received::Frame(FrameMessage::End(FrameEnd { frame, items, hash })))
 }
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+
+    use super::*;
+    use crate::inbox::Inbox;
+    use crate::inbox::tests::{all, empty, unit_of};
+    use crate::samples::{FORMAT, encoded};
+
+    /// The length of a coded frame's beginning.
+    const HEAD: usize = 81;
+
+    /// A batch of two items, and its six bytes as a message.
+    fn coded() -> (FrameMessage, Vec<u8>) {
+        let batch = FrameMessage::Coded(Bytes::from_static(&[2, 9]));
+        (batch.clone(), encoded(&Message::Frame(batch)).to_vec())
+    }
+
+    /// Of unit 0, a coded frame, the beginning came and was taken, and then these bytes.
+    fn came(rest: &[u8], tail: Tail) -> Inbox {
+        let bytes = [&[CODED_UNIT][..], &unit_of(&FORMAT, rest)].concat();
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::More, &bytes[..HEAD]).unwrap();
+        assert_eq!(all(&mut inbox).len(), 1);
+        inbox.put(0, HEAD as u64, tail, rest).unwrap();
+        inbox
+    }
+
+    #[test]
+    fn a_coded_frame_is_readable_by_whole_batches_and_may_be_left() {
+        let (batch, message) = coded();
+        let mut inbox = came(&message[..4], Tail::Pause);
+        assert_eq!((inbox.is_readable(), inbox.take()), (false, Ok(None)));
+        inbox.put(0, HEAD as u64 + 4, Tail::More, &message[4..]).unwrap();
+        assert_eq!((inbox.is_readable(), inbox.take()), (true, Ok(Some(Received::Frame(batch)))));
+        assert_eq!((inbox.is_readable(), inbox.take()), (false, Ok(None)));
+        inbox.put(0, HEAD as u64 + 6, Tail::End, &[]).unwrap();
+        inbox.put(1, 0, Tail::More, &unit_of(&FORMAT, &[])).unwrap();
+        let next = all(&mut inbox);
+        assert!(matches!(next[..], [Received::Frame(FrameMessage::Begin { .. })]), "{next:?}");
+    }
+
+    #[test]
+    fn a_coded_frame_holds_whole_batches_and_nothing_else() {
+        let (_, message) = coded();
+        for (rest, tail, batches, why) in [
+            (encoded(&Message::KeepAlive).to_vec(), Tail::More, 0, "a header of four bytes says enough"),
+            ([&message[..], &message[..2]].concat(), Tail::Frame(7), 1, "it ends within a header"),
+            ([&message[..], &message[..5]].concat(), Tail::Frame(7), 1, "it ends within a batch"),
+        ] {
+            let mut inbox = came(&rest, tail);
+            for _ in 0..batches {
+                assert!(inbox.take().unwrap().is_some(), "{why}");
+            }
+            assert_eq!((inbox.is_readable(), inbox.take()), (true, Err(LaneViolation::Unit)), "{why}");
+        }
+    }
+}
