@@ -146,3 +146,54 @@ pub trait PictureDevice {
     /// Those of the device.
     fn read(&mut self, picture: &mut Image) -> Result<(), Self::Error>;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{NoOccluders, TestBox};
+
+    /// A device of an embedder, with what each must have. Its error is the name of the step that failed.
+    struct Least(Vec<&'static str>);
+
+    #[derive(Debug, PartialEq, thiserror::Error)]
+    #[error("{0}")]
+    struct Failed(&'static str);
+
+    impl OcclusionTest for Least {
+        type Error = Failed;
+
+        fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Failed> {
+            NoOccluders.test(view, boxes, visible).unwrap_or_else(|never| match never {});
+            Ok(())
+        }
+    }
+
+    impl CullerDevice for Least {
+        fn begin_occluders(&mut self, _: &View) -> Result<(), Failed> {
+            Err(Failed("begin"))
+        }
+
+        fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Failed> {
+            self.0.push("draw");
+            if ids.is_empty() { Err(Failed("draw")) } else { Ok(()) }
+        }
+
+        fn finish_occluders(&mut self) -> Result<(), Failed> {
+            self.0.push("finish");
+            Ok(())
+        }
+
+        fn read_depth(&mut self) -> Result<DepthImage<'_>, Failed> {
+            Err(Failed("read"))
+        }
+    }
+
+    #[test]
+    fn occluders_of_a_further_round_are_drawn_and_finished_and_no_error_is_taken_lightly() {
+        let mut device = Least(Vec::new());
+        assert_eq!(device.add_occluders(&[DrawableId(1)]), Ok(()));
+        assert_eq!(device.add_occluders(&[]), Err(Failed("draw")));
+        assert_eq!(device.0, ["draw", "finish", "draw"]);
+        assert!(Least::is_lost(&Failed("draw")));
+    }
+}

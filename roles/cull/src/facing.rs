@@ -96,6 +96,7 @@ mod tests {
                     let mut eye = [4.5, 6.0, 7.5];
                     eye[axis] = place;
                     assert_eq!([Vec3::ONE, mirrored].map(|scale| shown(eye, scale)), sides, "{eye:?}");
+                    assert_eq!(shown(eye, Vec3::new(1.0, 0.0, 1.0)), Facing::Both, "flattened");
                 }
             }
         }

@@ -114,3 +114,19 @@ impl FalseCullCause {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn each_cause_has_words_of_its_own_and_one_is_the_drivers() {
+        let words: HashSet<&str> = FalseCullCause::ALL.into_iter().map(FalseCullCause::words).collect();
+        assert_eq!((words.len(), words.contains("")), (FalseCullCause::ALL.len(), false));
+        let of_the_driver: Vec<_> =
+            FalseCullCause::ALL.into_iter().filter(|cause| cause.is_of_the_driver()).collect();
+        assert_eq!(of_the_driver, [FalseCullCause::HiddenInF64]);
+    }
+}

@@ -270,11 +270,23 @@ pub fn occluders(
 mod tests {
     use glam::DVec3;
     use trimaran_audit::cases::{plant, plant_views};
+    use trimaran_proto::{Camera, FrameNumber, Section, SectionPlane, Sections};
 
     use super::*;
     use crate::LodRule;
     use crate::Viewport;
     use crate::lod_cut::lod_cut;
+
+    #[test]
+    fn occluders_lie_four_steps_of_the_grid_behind_but_with_sections_where_they_are() {
+        let view = View::new(Camera::at_origin(FrameNumber(0)), Viewport::new(8, 8).unwrap());
+        let half = SectionPlane::new([0.0; 3], [1.0, 0.0, 0.0]).unwrap();
+        let cut = view.with_sections(Sections::new(&[Section::Plane(half)]).unwrap());
+        for (bits, bias) in [(8, 4.0 / 256.0), (4, 4.0 / 16.0)] {
+            let grid = SubPixelGrid::of_bits(bits);
+            assert_eq!([view, cut].map(|view| occluder_bias_px(&view.on_grid(grid))), [bias, 0.0]);
+        }
+    }
 
     /// When the stamps wrap around, old marks must not count for this frame.
     #[test]

@@ -250,6 +250,7 @@ fn a_rectangle_is_hidden_if_its_four_texels_are() {
         let image = DepthImage::new(viewport, &depth).unwrap();
         let pyramid = DepthPyramid::over(image);
         let test = RectangleTest::new(Some(image), &pyramid);
+        assert_eq!(test.outline(), Outline::OnScreen);
         assert_eq!(answers(test, &view, &[test_box]), [shows], "{hole:?}");
     }
 }

@@ -79,6 +79,10 @@ fn a_difference_from_asking_box_by_box_is_an_error_that_names_it() {
     let asked = visible.len() + 1;
     let mut test = Own(WholeTraversal { visible, steps: Vec::new() });
     let error = culler.cull(&view, rule, &mut test, |_| ()).unwrap_err();
+    assert!(
+        error.to_string().contains(&format!("; only one of them found {lost}: report the device")),
+        "{error}"
+    );
     let CullError::Differs { own, asked: found, first } = error else { panic!("{error}") };
     assert_eq!((own, found, first), (asked - 1, asked, Some(lost)));
 }
