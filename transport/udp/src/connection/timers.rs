@@ -96,7 +96,7 @@ mod tests {
     use crate::connection::tests::{after, connection, now};
     use crate::recovery::{Content, Verdict};
 
-    /// What is so after each of three probes that nobody answers.
+    /// The results of `look` after each of three probes that nobody answers.
     fn probed<T>(connection: &mut Connection, look: impl Fn(&Connection) -> T) -> Vec<T> {
         let mut out = Vec::new();
         connection.ping();
