@@ -215,3 +215,43 @@ impl Connection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::ops::Range;
+
+    use super::*;
+    use crate::chunk::Chunk;
+    use crate::packet::data_header;
+    use crate::ranges::RangeSet;
+    use crate::samples::FORMAT;
+
+    pub(super) const HERE: ConnectionId = ConnectionId(10);
+
+    pub(super) fn now() -> Instant {
+        Instant::from_nanos(1_000_000_000)
+    }
+
+    pub(super) fn after(ms: u64) -> Instant {
+        now().after(Duration::from_millis(ms))
+    }
+
+    pub(super) fn connection() -> Connection {
+        Connection::plaintext(now(), HERE, ConnectionId(20), Config::new(FORMAT))
+    }
+
+    /// A packet of the peer.
+    pub(super) fn sealed(number: u64, chunk: &Chunk<'_>) -> Vec<u8> {
+        let (mut plain, mut packet) = (Vec::new(), Vec::from(data_header(HERE, number)));
+        chunk.write(&mut plain);
+        assert!(Keys::Plaintext.seal(HERE, number, &plain, &mut packet));
+        packet
+    }
+
+    /// An acknowledgement of these packets.
+    pub(super) fn acknowledged(packets: Range<u64>) -> Chunk<'static> {
+        let mut numbers = RangeSet::default();
+        numbers.insert(packets);
+        Chunk::Ack { delay_us: 0, numbers }
+    }
+}

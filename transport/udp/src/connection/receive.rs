@@ -169,29 +169,9 @@ impl Connection {
 mod tests {
     use super::*;
     use crate::chunk::UnitLane;
-    use crate::connection::Config;
-    use crate::keys::Keys;
-    use crate::packet::data_header;
-    use crate::ranges::RangeSet;
+    use crate::connection::tests::{HERE, acknowledged, connection, now, sealed};
     use crate::repair::Block;
     use crate::samples::FORMAT;
-
-    const HERE: ConnectionId = ConnectionId(10);
-
-    fn now() -> Instant {
-        Instant::from_nanos(1_000_000_000)
-    }
-
-    fn connection() -> Connection {
-        Connection::plaintext(now(), HERE, ConnectionId(20), Config::new(FORMAT))
-    }
-
-    fn sealed(number: u64, chunk: &Chunk<'_>) -> Vec<u8> {
-        let (mut plain, mut packet) = (Vec::new(), Vec::from(data_header(HERE, number)));
-        chunk.write(&mut plain);
-        assert!(Keys::Plaintext.seal(HERE, number, &plain, &mut packet));
-        packet
-    }
 
     #[test]
     fn forged_resets_end_nothing() {
@@ -256,9 +236,8 @@ mod tests {
             assert!(connection.poll_transmit(now(), &mut out));
         }
         assert!(connection.recovery.next_number() > connection.stats().sent, "no number was left out");
-        let mut numbers = RangeSet::default();
-        numbers.insert(0..connection.recovery.next_number());
-        connection.handle(now(), &sealed(0, &Chunk::Ack { delay_us: 0, numbers }));
+        let all = acknowledged(0..connection.recovery.next_number());
+        connection.handle(now(), &sealed(0, &all));
         assert_eq!(connection.closed(), Some(&Closed::NeverSent));
     }
 

@@ -129,3 +129,69 @@ impl Connection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+    use trimaran_wire::{FrameMessage, FrameNumber};
+
+    use super::*;
+    use crate::chunk::{Chunk, Tail, UnitLane};
+    use crate::connection::tests::{acknowledged, connection, now, sealed};
+    use crate::samples::value;
+
+    #[test]
+    fn counts_since_then_are_differences_and_the_state_is_that_of_now() {
+        let counts = |one: u64| PathStats {
+            sent: one,
+            sent_bytes: 2 * one,
+            received: 3 * one,
+            received_bytes: 4 * one,
+            forged: 5 * one,
+            lost: 6 * one,
+            repeated: 7 * one,
+            repair_sent: 8 * one,
+            frames_repaired: 9 * one,
+            frames_given_up: 10 * one,
+            probes: 11 * one,
+            ..PathStats::default()
+        };
+        let before = PathStats { datagram_size: 1200, in_flight: 5, ..counts(4) };
+        let after = PathStats { datagram_size: 1452, ..counts(10) };
+        assert_eq!(after.since(&before), PathStats { datagram_size: 1452, ..counts(6) });
+        assert_eq!(before.since(&after), PathStats { datagram_size: 1200, in_flight: 5, ..counts(0) });
+    }
+
+    #[test]
+    fn what_is_received_costs_the_same_on_each_lane() {
+        let work = UnitLane::ALL.map(|lane| {
+            let mut connection = connection();
+            let data = &[7; 80];
+            let part = Chunk::Part { lane, unit: 0, offset: 0, tail: Tail::More, data };
+            connection.handle(now(), &sealed(0, &part));
+            connection.work()
+        });
+        assert!(work[0] >= 80 / 8 && work == [work[0]; 3], "{work:?}");
+    }
+
+    #[test]
+    fn what_is_sent_again_counts_on_each_lane() {
+        for lane in UnitLane::ALL {
+            let (mut connection, mut out) = (connection(), Vec::new());
+            match lane {
+                UnitLane::Messages => connection.say(Bytes::from_static(b"stop")),
+                UnitLane::Bulk => connection.carry(Bytes::from_static(b"tile")),
+                _ => connection.send(&FrameMessage::Begin { frame: FrameNumber(0), header: value(0) }),
+            }
+            assert!(connection.poll_transmit(now(), &mut out));
+            for _ in 0..3 {
+                connection.ping();
+                assert!(connection.poll_transmit(now(), &mut out));
+            }
+            connection.handle(now(), &sealed(0, &acknowledged(1..4)));
+            assert_eq!((connection.stats().lost, connection.stats().repeated), (1, 0), "{lane:?}");
+            assert!(connection.poll_transmit(now(), &mut out));
+            assert_eq!((connection.stats().lost, connection.stats().repeated), (1, 1), "{lane:?}");
+        }
+    }
+}

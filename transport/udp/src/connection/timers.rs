@@ -89,3 +89,40 @@ impl Connection {
         self.scavenger.set_segment(self.mtu.known());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::connection::tests::{after, connection, now};
+    use crate::recovery::{Content, Verdict};
+
+    /// The results of `look` after each of three probes that nobody answers.
+    fn probed<T>(connection: &mut Connection, look: impl Fn(&Connection) -> T) -> Vec<T> {
+        let mut out = Vec::new();
+        connection.ping();
+        assert!(connection.poll_transmit(now(), &mut out));
+        let mut probe = || {
+            let due = connection.recovery.timeout().unwrap();
+            connection.handle_timeout(due);
+            while connection.poll_transmit(due, &mut out) {}
+            look(connection)
+        };
+        (0..BLACK_HOLE).map(|_| probe()).collect()
+    }
+
+    #[test]
+    fn a_path_counts_as_narrower_at_the_third_unanswered_probe_and_the_window_keeps_its_packets() {
+        let size = |connection: &Connection| (connection.stats().datagram_size, connection.stats().window);
+        let mut connection = connection();
+        let arrived = vec![Content::Probe { size: 1452 }];
+        connection.judge(now(), Verdict { arrived, ..Verdict::default() });
+        assert_eq!(size(&connection), (1452, 20 * 1452));
+        assert_eq!(probed(&mut connection, size), [(1452, 29_040), (1452, 29_040), (1200, 24_000)]);
+    }
+
+    #[test]
+    fn a_path_that_is_as_narrow_as_any_is_not_taken_for_narrower() {
+        let search = probed(&mut connection(), |connection| connection.mtu.due());
+        assert_eq!(search, [Some(after(100)); 3], "the search has not begun anew");
+    }
+}

@@ -182,3 +182,149 @@ impl Connection {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use bytes::Bytes;
+    use trimaran_wire::{FixedBytes, Format};
+
+    use super::*;
+    use crate::connection::Config;
+    use crate::connection::tests::{HERE, acknowledged, after, connection, now, sealed};
+    use crate::pacer::Pacer;
+    use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, TAG};
+    use crate::samples::{FORMAT, value};
+    use crate::wire::Reader;
+
+    /// The chunks of the next packet but for its filling; none if nothing leaves.
+    fn packet(connection: &mut Connection, at: Instant) -> Vec<&'static str> {
+        let (mut out, mut chunks) = (Vec::new(), Vec::new());
+        if connection.poll_transmit(at, &mut out) {
+            let Ok(Packet::Data { sealed, .. }) = Packet::parse(&out) else { panic!("{out:?}") };
+            let mut reader = Reader::new(&sealed[..sealed.len() - TAG]);
+            while !reader.is_empty() {
+                match Chunk::read(&mut reader, &connection.config.format).unwrap() {
+                    Chunk::Pad => {}
+                    Chunk::Ack { .. } => chunks.push("ack"),
+                    Chunk::Ping => chunks.push("ping"),
+                    Chunk::Latest { .. } => chunks.push("value"),
+                    Chunk::Part { .. } => chunks.push("part"),
+                    other => panic!("{other:?}"),
+                }
+            }
+        }
+        chunks
+    }
+
+    const NOTHING: [&str; 0] = [];
+    const WORD: Bytes = Bytes::from_static(b"word");
+
+    #[test]
+    fn an_acknowledgement_rides_with_what_leaves_and_else_leaves_late_and_is_not_acknowledged() {
+        type Case = (fn(&mut Connection), &'static [&'static str], &'static [&'static str]);
+        let cases: [Case; 4] = [
+            (|_| {}, &[], &["ack"]),
+            (|connection| connection.say(WORD), &["ack", "part"], &[]),
+            (Connection::ping, &["ack", "ping"], &[]),
+            // The pacer holds the message up.
+            (
+                |connection| {
+                    connection.say(WORD);
+                    connection.pacer.on_sent(1 << 20);
+                },
+                &[],
+                &["ack"],
+            ),
+        ];
+        for (prepare, at_once, late) in cases {
+            let mut connection = connection();
+            let came = Chunk::Latest { channel: None, number: 1, value: &value(1) };
+            connection.handle(now(), &sealed(0, &came));
+            prepare(&mut connection);
+            assert_eq!(packet(&mut connection, now()), at_once);
+            let in_flight = connection.stats().in_flight;
+            assert_eq!(packet(&mut connection, after(1)), late);
+            assert_eq!(connection.stats().in_flight, in_flight);
+        }
+    }
+
+    /// Packets of 300 bytes, in a window of 2,400.
+    #[test]
+    fn the_window_must_have_room_for_a_full_packet_or_for_a_question() {
+        let value = || FixedBytes::from_elem(7, 270);
+        let format = Format { latest: 270, ..FORMAT };
+        let config = Config { format, initial_window: 2, ..Config::new(format) };
+        let mut connection = Connection::plaintext(now(), HERE, ConnectionId(20), config);
+        for _ in 0..5 {
+            connection.publish(None, value());
+            assert_eq!(packet(&mut connection, now()), ["value"]);
+            assert!(connection.poll_timeout() > Some(now()), "nothing more is due");
+        }
+        connection.publish(None, value());
+        assert_eq!(packet(&mut connection, now()), NOTHING, "there is room for 900 bytes");
+        let due = connection.recovery.timeout().unwrap();
+        connection.handle_timeout(due);
+        assert_eq!(packet(&mut connection, due), ["ping", "value"]);
+        assert_eq!(packet(&mut connection, due), ["ping"]);
+        connection.publish(None, value());
+        assert_eq!(packet(&mut connection, due), NOTHING);
+        // A quarter of the assumed round trip.
+        let question = due.after(Duration::from_millis(25));
+        assert_eq!(connection.poll_timeout(), Some(question));
+        assert_eq!(packet(&mut connection, question), ["ping"]);
+    }
+
+    #[test]
+    fn nothing_waits_for_the_pacer_if_there_is_nothing_to_send_and_a_probe_leaves_by_itself() {
+        let mut connection = connection();
+        connection.handle(now(), &sealed(0, &Chunk::Pad));
+        connection.pacer.on_sent(1 << 20);
+        assert_eq!(packet(&mut connection, now()), NOTHING);
+        assert_eq!(connection.poll_timeout(), Some(after(100)), "the first probe is due then");
+        connection.pacer = Pacer::new(MIN_DATAGRAM);
+        connection.publish(None, value(1));
+        assert_eq!(packet(&mut connection, after(100)), ["value"]);
+        assert_eq!(packet(&mut connection, after(100)), ["ping"]);
+        assert_eq!(packet(&mut connection, after(100)), NOTHING);
+        assert_eq!(connection.stats().sent_bytes, 102 + 1452);
+    }
+
+    /// A twentieth of the packets is lost, which is too much only for a sender that always has more to send.
+    #[test]
+    fn losses_shrink_the_window_of_a_sender_that_waits_and_not_of_one_that_has_sent_all() {
+        let window = |waits: bool| {
+            let mut connection = connection();
+            connection.pacer.on_sent(1 << 40);
+            if waits {
+                connection.say(WORD);
+            }
+            for round in 0..256 {
+                let first = connection.recovery.next_number();
+                for _ in 0..20 {
+                    let sent = Sent { at: now(), bytes: 29, contents: Contents::new() };
+                    connection.recovery.on_sent(Some(sent));
+                }
+                connection.handle(now(), &sealed(round, &acknowledged(first + 1..first + 20)));
+                assert_eq!(packet(&mut connection, now()), NOTHING);
+            }
+            connection.stats().window
+        };
+        assert_eq!([true, false].map(window), [16_800, 24_000]);
+    }
+
+    /// There is a place for 2,048 packets.
+    #[test]
+    fn what_a_packet_carried_that_there_is_no_place_for_any_more_is_sent_again() {
+        let config = Config { window: 1 << 16, ..Config::new(FORMAT) };
+        let mut connection = Connection::plaintext(now(), HERE, ConnectionId(20), config);
+        connection.publish(None, value(1));
+        assert_eq!(packet(&mut connection, now()), ["value"]);
+        let again = (1..3000).find(|_| {
+            connection.ping();
+            packet(&mut connection, now()).contains(&"value")
+        });
+        assert_eq!(again, Some(2049));
+    }
+}

@@ -119,3 +119,49 @@ impl Units {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use trimaran_wire::{FrameMessage, FrameNumber};
+
+    use super::*;
+    use crate::chunk::Tail;
+    use crate::repair::Path;
+    use crate::samples::{FORMAT, value};
+
+    /// The beginning of a frame has 80 bytes, and a unit costs 256 more.
+    #[test]
+    fn a_lane_is_writable_until_what_waits_has_reached_its_limit() {
+        for (send_buffer, writable) in [(335, false), (336, false), (337, true)] {
+            let config = Config { send_buffer, ..Config::new(FORMAT) };
+            let mut units = Units::frames(UnitLane::Frames, &config);
+            assert!(units.is_writable());
+            let begin = FrameMessage::Begin { frame: FrameNumber(0), header: value(0) };
+            units.outbox.put(&begin, Path { shard: 1136, loss: 0.0 });
+            assert_eq!(units.is_writable(), writable, "{send_buffer}");
+        }
+    }
+
+    #[test]
+    fn a_side_that_reads_no_more_makes_room_at_once_and_for_all_that_still_comes() {
+        let lane = UnitLane::Messages;
+        let mut units = Units::new(lane, &Config::new(FORMAT), 1000);
+        let words = |units: &mut Units| {
+            let mut contents = Contents::new();
+            units.write_words(&mut Vec::new(), &mut contents);
+            contents
+        };
+        units.inbox.put(0, 0, Tail::More, &[0; 900]).unwrap();
+        units.discard_unread();
+        assert_eq!(words(&mut units)[..], [], "it may still be read");
+        units.stop_reading();
+        assert_eq!(words(&mut units)[..], [Content::MaxData { lane }, Content::StopSending { lane }]);
+        for unit in 1..9 {
+            units.inbox.put(unit, 0, Tail::More, &[0; 900]).unwrap();
+            units.discard_unread();
+            assert_eq!(words(&mut units)[..], [Content::MaxData { lane }]);
+        }
+        units.stop_reading();
+        assert_eq!(words(&mut units)[..], [], "it has said so");
+    }
+}

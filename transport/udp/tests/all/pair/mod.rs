@@ -1,6 +1,7 @@
 //! Two ends in virtual time, over a network that loses, duplicates, delays and breaks.
 
 mod changes;
+mod channels;
 mod coded;
 mod lossy;
 mod moving;
@@ -76,9 +77,9 @@ fn the_last_value_arrives_although_nothing_follows() {
 #[test]
 fn a_dead_path_ends_after_the_idle_timeout_and_a_live_one_does_not() {
     let idle_timeout = Duration::from_secs(2);
-    let config = Config { idle_timeout, ..config() };
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
-    let mut pair = Pair::new(CLEAN, config);
+    let mut pair = Pair::new(CLEAN, config());
+    pair.ends.iter_mut().for_each(|end| end.set_idle_timeout(idle_timeout));
     while pair.step(end) {}
     assert_eq!(pair.ends[0].closed(), None);
     pair.network.loss = 1000;
@@ -93,6 +94,8 @@ fn a_close_is_told_and_ends_the_other_side() {
     while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Here));
     assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
+    let shown = "Connection { here: ConnectionId(2), there: ConnectionId(1), closed: Some(Peer), .. }";
+    assert_eq!(format!("{:?}", pair.ends[1]), shown);
 }
 
 #[test]
@@ -279,6 +282,7 @@ fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
         assert!(pair.now < Instant::from_nanos(0).after(idle_timeout * 2));
     }
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(idle_timeout)));
+    assert_eq!(pair.now, Instant::from_nanos(0).after(idle_timeout), "not before");
 }
 
 /// The last of it may come a moment after the first packet that it has not acknowledged.
