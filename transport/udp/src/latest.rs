@@ -250,12 +250,53 @@ mod tests {
         let (mut lane, reason) = (LatestIn::new(FORMAT), CloseReason::new(0, "over"));
         let close = encoded(&Message::Close(reason.clone()));
         lane.put_end(2, &close).unwrap();
+        assert!(!lane.is_readable());
         lane.put(1, &value(0));
+        assert!(lane.is_readable());
         assert_eq!((lane.take(), lane.end()), (Some(value(0)), None));
+        lane.put(1, &value(0));
+        assert_eq!((lane.is_readable(), lane.take()), (false, None), "a copy of what was read");
         lane.put(2, &value(1));
         assert_eq!((lane.take(), lane.end()), (Some(value(1)), Some(&LatestEnd::Closed(reason))));
-        assert!(lane.put_end(2, &close[..3]).is_err());
-        assert!(lane.put_end(2, &[0, 0, 0, 0]).is_err());
+        assert!(lane.is_readable(), "the end is");
+        for no_close in [&close[..3], &[0, 0, 0, 0], &[&close[..], &[0]].concat()] {
+            assert!(lane.put_end(2, no_close).is_err(), "{no_close:?}");
+        }
+    }
+
+    #[test]
+    fn a_value_and_the_end_of_a_channel_leave_where_there_is_room_for_them() {
+        let channel = Some(ChannelNumber(1));
+        let (latest, last) = (Content::Latest { channel, number: 1 }, Content::LastLatest { channel });
+        // The value takes 76 bytes, and would not start in less than 88.
+        for (room, expected) in [
+            (15, &[][..]),
+            (16, std::slice::from_ref(&last)),
+            (87, std::slice::from_ref(&last)),
+            (88, std::slice::from_ref(&latest)),
+            (91, std::slice::from_ref(&latest)),
+            (92, &[latest.clone(), last.clone()]),
+        ] {
+            let (mut lane, mut contents) = (LatestOut::of(ChannelNumber(1)), Contents::new());
+            lane.publish(value(0));
+            lane.end(None);
+            lane.write(room, &mut vec![0; 500], &mut contents);
+            assert_eq!(&contents[..], expected, "{room} bytes");
+        }
+    }
+
+    #[test]
+    fn the_end_is_said_again_until_it_has_arrived() {
+        let mut lane = LatestOut::default();
+        lane.end(None);
+        lane.write(1000, &mut Vec::new(), &mut Contents::new());
+        assert!(!lane.is_due());
+        lane.on_end_lost();
+        assert!(lane.is_due() && !lane.is_drained());
+        lane.on_end_arrived();
+        assert!(!lane.is_due() && lane.is_drained());
+        lane.on_end_lost();
+        assert!(!lane.is_due(), "another copy of it has arrived");
     }
 
     #[test]

@@ -237,9 +237,12 @@ impl Outbox {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use trimaran_net::Instant;
 
     use super::*;
+    use crate::repair::Repair;
     use crate::samples::{FORMAT, value};
 
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
@@ -275,11 +278,82 @@ mod tests {
         }
         assert_eq!((outbox.kept(), outbox.is_empty()), (0, true));
     }
+
+    /// The units of the parts that may be sent now, each with its range if that ends the unit.
+    fn ends(outbox: &mut Outbox) -> Vec<(u64, Option<Range<u64>>)> {
+        let contents = std::iter::from_fn(|| outbox.write_next(1172, 1172, &mut Vec::new()));
+        let end = |content| match content {
+            Content::Part { unit, range, ended, .. } => (unit, ended.then_some(range)),
+            other => panic!("{other:?}"),
+        };
+        contents.map(end).collect()
+    }
+
     #[test]
-    fn a_part_is_cut_only_where_it_does_not_fit() {
+    fn the_end_of_a_lane_ends_an_open_frame_first_which_gets_no_repair() {
+        for (reason, length) in [(None, 0), (Some(CloseReason::new(0, "over")), 10)] {
+            let mut outbox = sender(None);
+            frame(&mut outbox, 0);
+            assert_eq!(ends(&mut outbox), [(0, Some(0..80))]);
+            outbox.on_ack(0, 0..80, true);
+            outbox.repair = Budget::new(Repair::On, 100);
+            begin(&mut outbox, 1, PATH);
+            assert_eq!(ends(&mut outbox), [(1, None)]);
+            match reason {
+                Some(reason) => outbox.end_with(reason, PATH),
+                None => outbox.gone(PATH),
+            }
+            assert_eq!(ends(&mut outbox), [(1, Some(80..80)), (2, Some(0..length))]);
+        }
+    }
+
+    #[test]
+    fn what_nobody_reads_is_dropped_and_its_numbers_are_used_up() {
+        let mut outbox = sender(None);
+        (0..2).for_each(|number| frame(&mut outbox, number));
+        outbox.drop_all();
+        assert_eq!((outbox.kept(), outbox.is_empty(), outbox.has_due()), (0, true, false));
+        frame(&mut outbox, 2);
+        assert_eq!(ends(&mut outbox), [(2, Some(0..80))]);
+    }
+
+    #[test]
+    fn as_many_units_leave_as_are_allowed() {
+        let mut outbox = Outbox::new(UnitLane::Frames, FORMAT, (1 << 20, 1));
+        (0..3).for_each(|number| frame(&mut outbox, number));
+        assert_eq!(ends(&mut outbox), [(0, Some(0..80))]);
+        outbox.allow(0, 2);
+        assert_eq!(ends(&mut outbox), [(1, Some(0..80))]);
+    }
+
+    /// A frame of nine items of 250 bytes, in shards of 1,136.
+    fn long_items() -> Outbox {
         let mut outbox = Outbox { format: Format { item: 250, ..FORMAT }, ..sender(None) };
         begin(&mut outbox, 0, PATH);
         outbox.put(&FrameMessage::Batch(vec![1; 250 * 9].into()), PATH);
+        outbox
+    }
+
+    #[test]
+    fn a_part_that_no_packet_takes_is_cut_to_the_length_of_whole_items() {
+        // A part has 14 bytes beside its data here.
+        for (room, whole, expected) in [
+            (1150, 1172, Some(1136)),
+            (1149, 1172, None),
+            (600, 1150, None),
+            (600, 1149, Some(500)),
+            (264, 264, Some(250)),
+            (263, 263, None),
+        ] {
+            let part = |to| Content::Part { lane: UnitLane::Frames, unit: 0, range: 0..to, ended: false };
+            let written = long_items().write_next(room, whole, &mut Vec::new());
+            assert_eq!(written, expected.map(part), "{room} of {whole} bytes");
+        }
+    }
+
+    #[test]
+    fn a_part_is_cut_only_where_it_does_not_fit() {
+        let mut outbox = long_items();
         // A full packet takes everything up to the next shard, even if these are not whole items. So does the
         // rest of a packet if the rest of the frame fits.
         for (room, expected) in [(1172, 0..1136), (1172, 1136..2272), (20, 0..0), (80, 2272..2330)] {

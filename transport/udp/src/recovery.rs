@@ -336,6 +336,7 @@ mod tests {
         let sent: Vec<_> = (0..5).map(|_| send(&mut recovery, 0)).collect();
         let verdict = recovery.on_ack(at(10), &numbers(2..3), Duration::ZERO).unwrap();
         assert_eq!((verdict.arrived, verdict.lost), (vec![sent[2].clone()], Contents::new()));
+        assert_eq!(recovery.visited, 3, "it, and the two before it");
         let verdict = recovery.on_ack(at(10), &numbers(3..4), Duration::ZERO).unwrap();
         assert_eq!(verdict.lost[..], [sent[0].clone()]);
         assert_eq!(recovery.timeout(), Some(at(0).after(Duration::from_micros(11_250))), "9/8 of 10 ms");
@@ -423,9 +424,57 @@ mod tests {
         assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
     }
 
-    /// Sends a packet each 20 ms, all of which are lost except those in `arrive`, and then one that arrives;
-    /// returns the window.
-    fn after_an_outage(sampled: bool, packets: u64, arrive: Range<u64>) -> usize {
+    #[test]
+    fn a_sender_that_runs_out_of_data_may_lose_more_by_accident() {
+        let after_losses = |runs_out: bool| {
+            let mut recovery = sender();
+            for round in 0..1000 {
+                let base = recovery.next_number();
+                for _ in 0..4 {
+                    send(&mut recovery, 100 * round);
+                }
+                if runs_out {
+                    recovery.on_out_of_data();
+                }
+                // One of 24 is lost.
+                let first = base + u64::from(round % 6 == 0);
+                let arrived = numbers(first..base + 4);
+                recovery.on_ack(at(100 * round + 10), &arrived, Duration::ZERO).unwrap();
+            }
+            recovery.window.window()
+        };
+        assert_eq!(after_losses(true), 10_000);
+        assert!(after_losses(false) < 10_000);
+    }
+
+    #[test]
+    fn what_went_to_an_old_address_is_lost_at_once_and_no_sign_of_congestion() {
+        let mut recovery = sender();
+        let sent: Vec<_> = (0..=ROW).map(|_| send(&mut recovery, 0)).collect();
+        recovery.on_timeout(at(301));
+        assert_eq!((recovery.probes(), recovery.is_unanswered()), (1, true));
+        assert_eq!(recovery.on_moved()[..], sent);
+        assert_eq!((recovery.probes(), recovery.is_unanswered()), (0, false));
+        assert_eq!((recovery.in_flight(), recovery.unheard_since(), recovery.timeout()), (0, None, None));
+        assert_eq!((recovery.lost_packets, recovery.window.window()), (0, 10_000));
+    }
+
+    #[test]
+    fn the_largest_buffer_is_used_again_and_is_empty() {
+        let mut recovery = sender();
+        let sent: Vec<_> = (0..2).map(|_| send(&mut recovery, 0)).collect();
+        for capacity in [64, 8] {
+            let mut buffer = Vec::with_capacity(capacity);
+            buffer.push(sent[1].clone());
+            recovery.reuse(buffer);
+        }
+        let arrived = recovery.on_ack(at(10), &numbers(0..1), Duration::ZERO).unwrap().arrived;
+        assert!(arrived.capacity() >= 64 && arrived == sent[..1], "{arrived:?}");
+    }
+
+    /// Sends a packet after each `pause`, all of which are lost except those in `arrive`, and then one that
+    /// arrives; returns the window.
+    fn after_an_outage(sampled: bool, packets: u64, pause: u64, arrive: Range<u64>) -> usize {
         let mut recovery = sender();
         if sampled {
             send(&mut recovery, 0);
@@ -433,22 +482,24 @@ mod tests {
         }
         let base = recovery.next_number();
         for packet in 0..packets {
-            send(&mut recovery, 100 + 20 * packet);
+            send(&mut recovery, 100 + pause * packet);
         }
         let mut acked = numbers(base + packets..base + packets + 1);
         acked.insert(base + arrive.start..base + arrive.end);
-        send(&mut recovery, 100 + 20 * packets);
-        recovery.on_ack(at(110 + 20 * packets), &acked, Duration::ZERO).unwrap();
+        send(&mut recovery, 100 + pause * packets);
+        recovery.on_ack(at(110 + pause * packets), &acked, Duration::ZERO).unwrap();
         recovery.window.window()
     }
 
-    /// A probe timeout is 26 ms here: three of them are four packets' time.
+    /// A probe timeout is 26 ms here: three of them are the time of four packets, 20 ms apart.
     #[test]
     fn an_outage_of_three_probe_timeouts_leaves_the_smallest_window() {
-        assert_eq!(after_an_outage(true, 9, 0..0), 2_000);
-        assert!(after_an_outage(true, 4, 0..0) > 2_000, "it was too short");
-        assert!(after_an_outage(true, 9, 4..5) > 2_000, "one between them arrived");
-        assert!(after_an_outage(false, 9, 0..0) > 2_000, "nothing was measured before");
+        assert_eq!(after_an_outage(true, 9, 20, 0..0), 2_000);
+        assert!(after_an_outage(true, 4, 20, 0..0) > 2_000, "it was too short");
+        assert!(after_an_outage(true, 4, 26, 0..0) > 2_000, "it was just as long");
+        assert_eq!(after_an_outage(true, 4, 27, 0..0), 2_000);
+        assert!(after_an_outage(true, 9, 20, 4..5) > 2_000, "one between them arrived");
+        assert!(after_an_outage(false, 9, 20, 0..0) > 2_000, "nothing was measured before");
     }
 
     #[test]

@@ -146,6 +146,21 @@ mod tests {
 
     use super::*;
 
+    #[test]
+    fn one_repair_shard_is_cheap_and_several_cost_a_transform() {
+        let block = Block { offset: 0, length: 64_000, shard: 1000, count: 1 };
+        assert_eq!(block.cost(), 16_000, "64,000 bytes, read and added");
+        assert_eq!(Block { count: 2, ..block }.cost(), 131_072 + 128_000);
+    }
+
+    #[test]
+    fn a_single_shard_is_padded_to_an_even_length_and_its_repair_is_its_copy() {
+        let block = Block { offset: 5, length: 3, shard: 4, count: 1 };
+        assert_eq!((block.is_sound(), Block { shard: 3, ..block }.is_sound()), (true, false));
+        let repair = [(0, protect(b"abc", 4, 1).remove(0))];
+        assert_eq!(block.restore(0, |_, _| {}, &repair), [(5, b"abc".to_vec())]);
+    }
+
     proptest! {
         #[test]
         fn as_many_lost_shards_come_back_as_there_is_repair(

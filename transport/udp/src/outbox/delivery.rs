@@ -131,6 +131,7 @@ mod tests {
         assert_eq!(outbox.frames_given_up, 0);
         outbox.expire(at(45), at(50));
         assert_eq!((outbox.frames_given_up, outbox.kept()), (1, UNIT_COST));
+        assert_eq!(outbox.visited, 4, "once when it was sent, and at each look for late ones");
         out.clear();
         assert_eq!(
             outbox.write_next(1172, 1172, &mut out),
@@ -144,20 +145,33 @@ mod tests {
     }
 
     #[test]
+    fn the_time_of_a_frame_begins_with_its_end() {
+        let mut outbox = sender(Some(50));
+        begin(&mut outbox, 0, PATH);
+        outbox.expire(at(0), at(5));
+        let end = FrameEnd { frame: FrameNumber(0), items: 0, hash: 0 };
+        outbox.put(&FrameMessage::End(end), PATH);
+        outbox.expire(at(10), at(15));
+        assert_eq!((outbox.deadline(), outbox.frames_given_up), (Some(at(60)), 0));
+        outbox.expire(at(55), at(60));
+        assert_eq!((outbox.deadline(), outbox.frames_given_up), (None, 1));
+    }
+
+    #[test]
     fn the_word_of_giving_up_is_said_until_it_arrives_though_the_end_had_arrived() {
         let mut outbox = sender(Some(50));
         frame(&mut outbox, 0);
         outbox.expire(at(0), at(5));
         outbox.on_ack(0, 40..80, true);
         outbox.expire(at(50), at(55));
-        let mut out = Vec::new();
-        for _ in 0..3 {
-            assert_eq!(
-                outbox.write_next(1172, 1172, &mut out),
-                Some(Content::GiveUp { lane: UnitLane::Frames, unit: 0 })
-            );
+        let mut out = vec![0; 500];
+        // It takes 93 bytes: 80 are the beginning of the frame.
+        for (room, is_said) in [(93, true), (92, false), (93, true), (1172, true)] {
+            let said = Content::GiveUp { lane: UnitLane::Frames, unit: 0 };
+            assert_eq!(outbox.write_next(room, 1172, &mut out), is_said.then_some(said));
             outbox.on_give_up_loss(0);
         }
+        assert_eq!(out.len(), 500 + 3 * 93);
         assert!(!outbox.is_empty());
     }
 
@@ -207,16 +221,27 @@ mod tests {
         assert_eq!(outbox.frames_given_up, 1, "the first one only");
     }
 
+    const SMALL: Path = Path { shard: 100, loss: 0.0 };
+
     /// A frame of so many bytes in parts of a hundred, and at least two repair shards; all sent.
     fn repaired(bytes: usize) -> (Outbox, Vec<Content>) {
         let mut outbox = Outbox { repair: Budget::new(Repair::On, 100), ..sender(None) };
-        let (path, items) = (Path { shard: 100, loss: 0.0 }, vec![1; bytes - 80]);
-        begin(&mut outbox, 7, path);
-        outbox.put(&FrameMessage::Batch(items.into()), path);
+        let sent = send(&mut outbox, bytes, SMALL);
+        (outbox, sent)
+    }
+
+    /// Sends a frame of so many bytes.
+    fn send(outbox: &mut Outbox, bytes: usize, path: Path) -> Vec<Content> {
+        begin(outbox, 7, path);
+        outbox.put(&FrameMessage::Batch(vec![1; bytes - 80].into()), path);
+        end(outbox, bytes, path)
+    }
+
+    /// Ends a frame of so many bytes; returns all that is sent now.
+    fn end(outbox: &mut Outbox, bytes: usize, path: Path) -> Vec<Content> {
         let end = FrameEnd { frame: FrameNumber(7), items: (bytes as u32 - 80) / 4, hash: 5 };
         outbox.put(&FrameMessage::End(end), path);
-        let sent = std::iter::from_fn(|| again(&mut outbox)).collect();
-        (outbox, sent)
+        std::iter::from_fn(|| again(outbox)).collect()
     }
 
     /// The next content to be sent.
@@ -226,6 +251,50 @@ mod tests {
 
     fn part(range: Range<u64>, ended: bool) -> Content {
         Content::Part { lane: UnitLane::Frames, unit: 0, range, ended }
+    }
+
+    #[test]
+    fn a_lost_part_is_sent_again_alone_and_one_that_has_arrived_is_not() {
+        let mut outbox = sender(None);
+        send(&mut outbox, 300, SMALL);
+        outbox.on_loss(0, 0..100, false);
+        assert_eq!((again(&mut outbox), again(&mut outbox)), (Some(part(0..100, false)), None));
+        outbox.on_ack(0, 200..300, true);
+        outbox.on_loss(0, 200..300, true);
+        assert_eq!(again(&mut outbox), None);
+    }
+
+    #[test]
+    fn what_is_sent_again_leaves_less_for_repair() {
+        let repair = |repeats: bool| {
+            let mut outbox = Outbox { repair: Budget::new(Repair::Auto, 15), ..sender(None) };
+            send(&mut outbox, 40_000, Path { shard: 1000, loss: 0.0 });
+            if repeats {
+                outbox.on_loss(0, 39_000..40_000, true);
+                assert_eq!(again(&mut outbox), Some(part(39_000..40_000, true)));
+            }
+            let sent = send(&mut outbox, 4000, Path { shard: 1000, loss: 0.2 });
+            sent.iter().filter(|content| matches!(content, Content::Repair { .. })).count()
+        };
+        assert_eq!((repair(false), repair(true)), (6, 5));
+    }
+
+    #[test]
+    fn a_frame_that_grows_has_repair_for_each_full_block_and_for_the_rest() {
+        let mut outbox = Outbox { repair: Budget::new(Repair::On, 100), ..sender(None) };
+        begin(&mut outbox, 7, SMALL);
+        outbox.put(&FrameMessage::Batch(vec![1; 6420].into()), SMALL);
+        let sent: Vec<_> = std::iter::from_fn(|| again(&mut outbox)).collect();
+        assert_eq!(
+            (sent.first(), sent.get(64)),
+            (Some(&part(0..100, false)), Some(&part(6400..6500, false)))
+        );
+        let first = |content: &Content| matches!(content, Content::Repair { offset: 0, .. });
+        assert!(sent.len() > 65 && sent[65..].iter().all(first), "{sent:?}");
+        (0..64).for_each(|at| outbox.on_ack(0, at * 100..at * 100 + 100, false));
+        outbox.put(&FrameMessage::Batch(vec![1; 100].into()), SMALL);
+        let rest = Content::Repair { lane: UnitLane::Frames, unit: 0, offset: 6400, index: 0 };
+        assert_eq!(end(&mut outbox, 6600, SMALL), [part(6500..6600, true), rest]);
     }
 
     #[test]
@@ -282,5 +351,13 @@ mod tests {
         assert_eq!(again(&mut outbox), Some(part(6400..6400, true)));
         outbox.on_ack(0, 6400..6400, true);
         assert_eq!(outbox.confirmed, Some(FrameNumber(7)));
+        // Of two blocks only the second tells of it.
+        let (mut outbox, _) = repaired(6600);
+        outbox.on_repair_ack(0, 0, 0);
+        assert_eq!(again(&mut outbox), None);
+        outbox.on_loss(0, 6500..6600, true);
+        outbox.on_ack(0, 6400..6500, false);
+        outbox.on_repair_ack(0, 6400, 0);
+        assert_eq!((again(&mut outbox), outbox.is_empty()), (None, false));
     }
 }

@@ -65,6 +65,8 @@ impl Skipped {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     fn left_out(secret: u8, numbers: u64) -> Vec<u64> {
@@ -80,5 +82,20 @@ mod tests {
         assert_ne!(first, left_out(2, 100_000));
         let mut none = Skipped::default();
         assert!((0..1000).all(|number| !none.leaves_out(number)), "without a secret");
+    }
+
+    #[test]
+    fn any_of_the_next_64_may_be_the_first_and_the_last_eight_are_remembered() {
+        let first: BTreeSet<_> = (0..=255).map(|secret| left_out(secret, 100)[0]).collect();
+        assert_eq!((first.first(), first.last()), (Some(&1), Some(&FIRST)));
+        let mut skipped = Skipped::new([1; 32], 0);
+        let numbers: Vec<_> = (0..100_000).filter(|number| skipped.leaves_out(*number)).collect();
+        let is_remembered = |number: &u64| {
+            let mut set = RangeSet::default();
+            set.insert(*number..number + 1);
+            skipped.is_in(&set)
+        };
+        let (before, last) = numbers.split_at(numbers.len() - REMEMBERED);
+        assert!(last.iter().all(is_remembered) && !before.iter().any(is_remembered), "{numbers:?}");
     }
 }

@@ -208,7 +208,7 @@ mod tests {
             (0..repeated).for_each(|_| budget.on_repeated(1072));
             budget.spend(16_080, 1072, path(1376, 0.05))
         };
-        assert_eq!((third(0), third(10)), (4, 2));
+        assert_eq!((third(0), third(1), third(10)), (4, 3, 2));
     }
 
     #[test]
@@ -230,8 +230,9 @@ mod tests {
         assert_eq!(budget.shard(16_080, path(1376, 0.0021)), 1152, "14 and one, rather than 12 and two");
         assert_eq!(budget.shard(16_080, path(1376, 0.0)), 1376, "a clean path");
         assert_eq!(budget.shard(16_080, path(1376, 0.2)), 1072, "as much as can be had");
+        assert_eq!(budget.shard(16_080, path(1376, 0.005)), 1072, "no more than a quarter more packets");
         assert_eq!(budget.shard(4000, path(1376, 0.01)), 1376, "few packets");
-        assert_eq!(budget.shard(200_000, path(1376, 0.01)), 1376, "many packets");
+        assert_eq!(budget.shard(45_000, path(1376, 0.005)), 1376, "33 packets are many");
         assert_eq!(Budget::new(Repair::Off, 15).shard(16_080, path(1376, 0.01)), 1376);
     }
 
@@ -239,6 +240,9 @@ mod tests {
     fn repair_that_is_always_on_expects_losses_where_there_are_none() {
         assert_eq!(Budget::new(Repair::On, 15).spend(15 * 1136, 1136, path(1136, 0.0)), 2);
         assert_eq!(Budget::new(Repair::On, 0).spend(15 * 1136, 1136, path(1136, 0.0)), 0);
+        for (length, shard) in [(0, 1136), (15 * 1136, 0)] {
+            assert_eq!(Budget::new(Repair::On, 15).spend(length, shard, path(1136, 0.0)), 0, "nothing");
+        }
     }
 
     #[test]

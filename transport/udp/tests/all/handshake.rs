@@ -1,12 +1,14 @@
 //! Strangers at an acceptor.
 
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use proptest::prelude::*;
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Initial, Progress, Security, VERSION,
+    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Initial, MAX_HELLO, Progress, Security,
+    VERSION,
 };
 use trimaran_wire::{FixedBytes, Format};
 
@@ -27,9 +29,12 @@ fn address() -> SocketAddr {
     SocketAddr::from(([192, 0, 2, 1], 4000))
 }
 
+fn bytes(key: &[u8]) -> [u8; 32] {
+    key.try_into().unwrap()
+}
+
 fn pinned(own: &snow::Keypair, peer: &snow::Keypair) -> Security {
-    let key = |bytes: &[u8]| -> [u8; 32] { bytes.try_into().unwrap() };
-    Security::Pinned { own: key(&own.private).into(), peers: vec![key(&peer.public)] }
+    Security::Pinned { own: bytes(&own.private).into(), peers: vec![bytes(&peer.public)] }
 }
 
 fn keypair() -> snow::Keypair {
@@ -127,6 +132,21 @@ fn pinned_peers_talk_and_others_do_not() {
 }
 
 #[test]
+fn who_is_pinned_later_is_let_in_and_who_is_no_longer_is_not() {
+    let (old, new, listener) = (keypair(), keypair(), keypair());
+    let mut acceptor = Acceptor::new(pinned(&listener, &old), [3; 32], 7400).unwrap();
+    let came = |acceptor: &Acceptor| {
+        [&old, &new].map(|own| {
+            let connecting = Connecting::new(&pinned(own, &listener), HERE, b"hello").unwrap();
+            initial(acceptor, connecting).1.and_then(|initial| initial.key)
+        })
+    };
+    assert_eq!(came(&acceptor), [Some(bytes(&old.public)), None]);
+    acceptor.pin(vec![bytes(&new.public)]);
+    assert_eq!(came(&acceptor), [None, Some(bytes(&new.public))]);
+}
+
+#[test]
 fn another_key_or_none_is_not_let_in() {
     let key = |byte| Security::PreShared([byte; 32].into());
     assert!(join(&key(1), key(2)).is_none());
@@ -147,6 +167,50 @@ fn a_refusal_is_read() {
 }
 
 #[test]
+fn an_answer_is_cut_where_it_is_longer_than_a_hello() {
+    let key = Security::PreShared([9; 32].into());
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
+    let (connecting, initial, _) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
+    let mut answer = Vec::new();
+    let _there = initial.unwrap().take(now(), THERE, &[7; MAX_HELLO + 1], config(), &mut answer).unwrap();
+    let progress = connecting.handle(now(), &answer, config());
+    assert!(matches!(&progress, Progress::Taken(_, said) if *said == [7; MAX_HELLO]), "{progress:?}");
+}
+
+#[test]
+fn nothing_secret_is_printed() {
+    let (key, peer) = (Security::PreShared([9; 32].into()), keypair());
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
+    let (connecting, initial, _) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
+    let printed = format!("{:?}, {:?}, {key:?}", pinned(&peer, &peer), Security::Plaintext);
+    assert_eq!(printed, "Pinned, Plaintext, PreShared");
+    let printed = format!("{connecting:?}, {acceptor:?}, {:?}", initial.unwrap());
+    let expected = "Connecting { here: ConnectionId(10), .. }, Acceptor { security: PreShared, .. }, \
+                    Initial { from: ConnectionId(10), .. }";
+    assert_eq!(printed, expected);
+}
+
+#[test]
+fn a_reset_is_shorter_than_its_cause_and_of_one_key_and_one_port() {
+    let reset = |security: &Security, port, length| {
+        let acceptor = Acceptor::new(security.clone(), [3; 32], port).unwrap();
+        let mut out = Vec::new();
+        let handled = acceptor.handle(now(), address(), &vec![0; length], &mut out);
+        assert_eq!(matches!(handled, Handled::Reply), !out.is_empty(), "{handled:?}");
+        out
+    };
+    let shared = |byte| Security::PreShared([byte; 32].into());
+    let own = |byte| Security::Pinned { own: [byte; 32].into(), peers: vec![[9; 32]] };
+    let first = reset(&shared(1), 7400, 29);
+    assert_eq!((first.len(), &first), (28, &reset(&shared(1), 7400, 1200)), "the same each time");
+    assert_eq!(reset(&shared(1), 7400, 28), [], "two listeners would go on for ever");
+    let all = [shared(1), shared(2), own(3), own(4), Security::Plaintext];
+    let different: BTreeSet<_> =
+        [7400, 7401].iter().flat_map(|port| all.each_ref().map(|key| reset(key, *port, 29))).collect();
+    assert_eq!(different.len(), 10);
+}
+
+#[test]
 fn a_cookie_does_not_work_from_elsewhere_or_later() {
     let key = Security::PreShared([9; 32].into());
     let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
@@ -157,6 +221,10 @@ fn a_cookie_does_not_work_from_elsewhere_or_later() {
     let later = now().after(Duration::from_secs(11));
     assert!(matches!(acceptor.handle(later, address(), &first, &mut out), Handled::Reply));
     assert!(matches!(acceptor.handle(now(), address(), &first[..1199], &mut out), Handled::Ignore));
+    assert!(acceptor.would_decrypt(now(), address(), &first));
+    for (at, from, length) in [(now(), elsewhere, 1200), (later, address(), 1200), (now(), address(), 1199)] {
+        assert!(!acceptor.would_decrypt(at, from, &first[..length]), "{at:?}, {from}, {length} bytes");
+    }
 }
 
 /// A retry that anyone on the path can send to the peer with id 10: some version, some cookie.
@@ -216,9 +284,16 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
     };
     connecting.initial(&mut first);
     assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Initial(_)));
-    // A cookie is answered only once.
-    let progress = connecting.handle(now(), &first[..0], config());
-    assert!(matches!(progress, Progress::None(_)), "{progress:?}");
+    // A cookie is answered only once, and not if it is for another peer.
+    let mut for_another = retry(VERSION, 6);
+    for_another[8] ^= 1;
+    let mut connecting = connecting;
+    for datagram in [&reply[..], &for_another, &[]] {
+        let Progress::None(same) = connecting.handle(now(), datagram, config()) else {
+            panic!("{datagram:?} was answered")
+        };
+        connecting = same;
+    }
 }
 
 #[test]
