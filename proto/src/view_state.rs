@@ -206,7 +206,8 @@ mod tests {
         let bytes = ViewReader::MOST + 1;
         assert_eq!(reader.take(ViewVersion(1), &[1], false), Err(ViewStateError::TooLong { bytes }));
         // A run costs two bytes.
-        let of_runs = |runs: usize| ViewState { hidden: (0..2 * runs as u32).step_by(2).collect(), ..state() };
+        let of_runs =
+            |runs: usize| ViewState { hidden: (0..2 * runs as u32).step_by(2).collect(), ..state() };
         let length = |state: &ViewState| postcard::to_stdvec(state).unwrap().len();
         let more = (ViewReader::MOST - length(&of_runs(1_000_000))) / 2;
         let longest = of_runs(1_000_000 + more);

@@ -39,7 +39,7 @@ pub(crate) struct PixelRect {
 }
 
 impl PixelRect {
-    /// The finest level at which the rectangle covers at most 5 x 5 texels.
+    /// A level at which the rectangle covers at most 5 x 5 texels: the finest, or the next coarser one.
     pub(crate) fn coarse_level(&self) -> usize {
         let longest = (self.x1 - self.x0).max(self.y1 - self.y0);
         if longest < 4 { 0 } else { longest.ilog2() as usize - 1 }

@@ -100,7 +100,7 @@ impl View {
     /// Pixels per radian near the axis, vertically: height / (2 tan(fov / 2)).
     #[must_use]
     pub fn focal_y(&self) -> f64 {
-        f64::from(self.viewport.height()) / (2.0 * f64::from(self.camera.tan_half_fov_y()))
+        f64::from(self.viewport.height()) / (2.0 * self.tan_half_fov_y())
     }
 
     /// Pixels per radian near the axis, horizontally.
@@ -118,7 +118,7 @@ impl View {
     /// The tangent of half the horizontal field of view.
     #[must_use]
     pub fn tan_half_fov_x(&self) -> f64 {
-        f64::from(self.camera.tan_half_fov_y()) * f64::from(self.viewport.aspect())
+        self.tan_half_fov_y() * f64::from(self.viewport.aspect())
     }
 
     /// View space to Vulkan clip space: reversed z, infinite far plane (depth = near / distance), y down,

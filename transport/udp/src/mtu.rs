@@ -8,7 +8,7 @@ use crate::packet::MIN_DATAGRAM;
 
 /// How often a size is tried before it counts as too large.
 const TRIES: u32 = 3;
-/// The search ends when at most this many bytes can be gained.
+/// The search ends when fewer bytes than this can be gained.
 const ENOUGH: usize = 16;
 /// The pause before the first probe: the handshake and first frames go first.
 const FIRST: Duration = Duration::from_millis(100);

@@ -80,7 +80,7 @@ impl RangeSet {
     /// Removes `range` from the set, and returns the part that was in it.
     pub(crate) fn take(&mut self, range: &Range<u64>) -> Self {
         let mut taken = Self::default();
-        for held in self.iter().filter(|held| held.start < range.end && held.end > range.start) {
+        for held in self.iter() {
             taken.insert(held.start.max(range.start)..held.end.min(range.end));
         }
         self.remove(range);
@@ -96,8 +96,7 @@ impl RangeSet {
     pub(crate) fn gaps(&self, range: Range<u64>) -> Self {
         let mut gaps = Self::default();
         gaps.insert(range.clone());
-        let held = self.0.iter().filter(|held| held.start < range.end && held.end > range.start);
-        held.for_each(|held| gaps.remove(held));
+        self.0.iter().for_each(|held| gaps.remove(held));
         gaps
     }
 }

@@ -63,7 +63,7 @@ impl Connection {
                 Chunk::Ping.write(plain);
                 return Some(contents);
             }
-            return (!contents.is_empty()).then_some(contents);
+            return None;
         }
         // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): with
         // one or two a frame, consecutive losses may take all.

@@ -56,7 +56,7 @@ impl Blocks {
         }
         let range = block.range();
         pool.work += u64::from(block.length) / 64;
-        if store.has(range.clone()) || range.end <= self.forgotten {
+        if store.has(range.clone()) {
             return Ok(false);
         }
         let before =

@@ -29,9 +29,7 @@ impl Inbox {
             }
             let to = block.range().end;
             flow.allows(unit, to)?;
-            if let Some(hash) = hash {
-                unit.note(to, Tail::Frame(hash))?;
-            }
+            unit.note(to, hash.map_or(Tail::More, Tail::Frame))?;
             if !unit.wants_repair(block, pool)? {
                 return Ok(());
             }
@@ -194,6 +192,12 @@ mod tests {
                 "{about:?}"
             );
         }
+        let mut inbox = empty();
+        inbox.put(0, 100, Tail::Frame(7), &bytes[100..]).unwrap();
+        for (length, kept) in [(120, Ok(true)), (121, Err(LaneViolation::End))] {
+            let block = Block { offset: 0, length, shard: 62, count: 1 };
+            assert_eq!(inbox.put_repair(0, block, None, 0, &[0; 62]), kept);
+        }
         let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 100);
         let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
         assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::FlowControl));
@@ -329,6 +333,13 @@ mod tests {
         let late = Block { offset: 100, length: 8400, shard: 200, count: 2 };
         assert_eq!(inbox.put_repair(0, late, None, 0, &[7; 200]), Err(LaneViolation::Block));
         assert_eq!(inbox.put_repair(0, block, None, 1, &[7; 100]), Ok(true), "late, and of no use");
+
+        let bytes = frame_of(50_000);
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::Pause, &bytes[..150_000]).unwrap();
+        all(&mut inbox);
+        assert_eq!(inbox.put_repair(0, block, None, 0, &[7; 100]), Ok(true));
+        assert_eq!(inbox.repair, 0, "delivered so long ago that its bytes are no longer kept");
     }
 
     #[test]

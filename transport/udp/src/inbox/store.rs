@@ -127,7 +127,7 @@ impl Store {
         while let Some(page) = self.page(self.ready / PAGE as u64) {
             let within = (self.ready % PAGE as u64) as usize;
             let Some(came) = page.came.get(within / 64) else { return };
-            let run = (!(came >> (within % 64))).trailing_zeros().min(64 - (within % 64) as u32);
+            let run = (!(came >> (within % 64))).trailing_zeros();
             pool.work += 1;
             self.ready += u64::from(run);
             if run == 0 {

@@ -81,7 +81,8 @@ impl Unit {
 
     /// Whether a repair shard of `block` is useful.
     pub(super) fn wants_repair(&self, block: Block, pool: &mut Pool) -> Result<bool, LaneViolation> {
-        self.blocks.wants(block, &self.store, pool)
+        let is_delivered = block.range().end <= self.base;
+        Ok(!is_delivered && self.blocks.wants(block, &self.store, pool)?)
     }
 
     /// Keeps a useful repair shard. Returns the block if it can be restored now.
