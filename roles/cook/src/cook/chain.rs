@@ -69,3 +69,46 @@ pub(super) fn halve(
     }
     chain
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AIM: Aim = Aim { few: FEW, most: usize::MAX, from_error: 0.0, largest_error: f32::INFINITY };
+
+    #[test]
+    fn a_level_is_kept_if_it_is_much_smaller_and_saves_enough() {
+        let triangles = |count: usize| [0, 1, 2].repeat(count);
+        let rows = [
+            ("few are left alone", 24, 1, false),
+            ("one more is not few", 25, 5, true),
+            ("a reduction to 70 % is worth it", 100, 70, true),
+            ("a reduction to 71 % is not", 100, 71, false),
+            ("20 triangles are enough", 60, 40, true),
+            ("19 are not", 59, 40, false),
+            ("no triangles are no level", 100, 0, false),
+        ];
+        for (name, first, level, kept) in rows {
+            let chain = halve(&[Vec3::ZERO, Vec3::X, Vec3::Y], &triangles(first), AIM, |former, _, _| {
+                // There is no second level.
+                if former.len() == 3 * first { triangles(level) } else { former.to_vec() }
+            });
+            let counts: Vec<usize> = chain.iter().map(|(level, _)| level.len() / 3).collect();
+            assert_eq!(counts, if kept { vec![level] } else { vec![] }, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_error_adds_to_that_of_the_first_triangles_and_ends_the_chain_only_beyond_the_largest() {
+        let low = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let positions = [low, low.map(|p| p + 7.0 * Vec3::Z)].concat();
+        let both = [[0, 1, 2].repeat(50), [3, 4, 5].repeat(50)].concat();
+        let levels = |largest_error| {
+            let aim = Aim { from_error: 0.5, largest_error, ..AIM };
+            halve(&positions, &both, aim, |_, _, _| [0, 1, 2].repeat(50))
+        };
+        let [(_, error)] = levels(f32::INFINITY)[..] else { panic!("not one level") };
+        assert!((7.5..7.51).contains(&error), "{error}");
+        assert_eq!((levels(error).len(), levels(error.next_down()).len()), (1, 0));
+    }
+}

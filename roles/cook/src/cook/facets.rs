@@ -113,6 +113,41 @@ mod tests {
     }
 
     #[test]
+    fn flat_is_the_same_at_any_scale_and_place_and_zero_has_one_sign() {
+        let bent = |bend: f32| D + Vec3::Z * bend;
+        for scale in [1.0 / 1024.0, 1.0, 1024.0] {
+            let pair = |bend: f32| {
+                let place = |p: Vec3| (p + Vec3::new(1.0, 2.0, 3.0)) * scale;
+                pair_triangles(&[[A, B, C].map(place), [A, C, bent(bend)].map(place)])
+            };
+            // The largest coordinate is 5, so the tolerance is 2.5e-6.
+            assert_eq!((pair(1.9e-6), pair(3.8e-6)), (vec![1, 0], vec![0, 1]), "scale {scale}");
+        }
+        assert_eq!(pair_triangles(&[[A, B, C], [-A, C, D]]), [1, 0]);
+    }
+
+    #[test]
+    fn the_rectangles_of_a_symmetric_model_all_find_their_other_halves() {
+        let signs = [1.0, -1.0];
+        let octants = signs.map(|x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z)))).concat().concat();
+        let places: Vec<Vec3> = octants.into_iter().flat_map(|octant| [octant, 2.0 * octant]).collect();
+        let [a, b, c, d] =
+            [(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.3)].map(|(x, y)| Vec3::new(x, y, 0.3));
+        let halves = [[a, b, c], [a, c, d]].map(|half| places.iter().map(move |&p| half.map(|v| v * p)));
+        let triangles: Vec<[Vec3; 3]> = halves.into_iter().flatten().collect();
+        assert_eq!(pair_triangles(&triangles), (16..32).chain(0..16).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn the_halves_of_a_triangle_pair_whichever_way_they_face() {
+        // The shared edge ends in the middle of an edge of the whole.
+        let [middle, apex] = [Vec3::ZERO, Vec3::new(1.0, 1.0, -2.0)];
+        let [left, right] = [Vec3::new(-1.0, 1.0, 0.0), Vec3::new(1.0, -1.0, 0.0)];
+        assert_eq!(pair_triangles(&[[apex, middle, left], [middle, apex, right]]), [1, 0]);
+        assert_eq!(pair_triangles(&[[middle, apex, left], [apex, middle, right]]), [1, 0]);
+    }
+
+    #[test]
     fn bent_concave_and_folded_neighbours_do_not_pair() {
         let bent = D + Vec3::Z * 0.1;
         assert_eq!(pair_triangles(&[[A, B, C], [A, C, bent]]), [0, 1]);
@@ -125,6 +160,7 @@ mod tests {
     #[test]
     fn degenerate_triangles_stay_alone() {
         assert_eq!(pair_triangles(&[[A, A, B], [A, B, C], [A, B, B]]), [0, 1, 2]);
+        assert_eq!(pair_triangles(&[[A, B, C], [C, C.midpoint(A), A]]), [0, 1]);
         assert!(pair_triangles(&[]).is_empty());
     }
 

@@ -316,3 +316,123 @@ impl Piece {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUDGET: usize = 100;
+
+    fn search(lower: f32) -> Search {
+        Search { lower, settled: 0.0, floor: 0.0, budget: BUDGET, open: BinaryHeap::new() }
+    }
+
+    fn piece(bound: f32, points: [Vec3; 3]) -> Piece {
+        Piece { bound, to_first: false, facet: 0, polygon: Polygon::triangle(points) }
+    }
+
+    fn v(x: f32, y: f32, z: f32) -> Vec3 {
+        Vec3::new(x, y, z)
+    }
+
+    /// A rectangle in the ground, as two triangles.
+    fn plate(x: [f32; 2], y: [f32; 2]) -> Vec<Vec3> {
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j): (usize, usize)| v(x[i], y[j], 0.0));
+        vec![a, b, c, a, c, d]
+    }
+
+    fn bvh(corners: &[Vec3]) -> Bvh {
+        Bvh::new(corners, &(0..corners.len() as u32).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn the_worst_piece_comes_first() {
+        let of = |bound| piece(bound, [Vec3::ZERO; 3]);
+        let mut open: BinaryHeap<Piece> = BinaryHeap::new();
+        for bound in [3.0, 1.0, 5.0, 2.0, 4.0] {
+            open.push(of(bound));
+        }
+        let order: Vec<f32> = std::iter::from_fn(|| open.pop()).map(|piece| piece.bound).collect();
+        assert_eq!(order, [5.0, 4.0, 3.0, 2.0, 1.0]);
+        assert!(of(1.0) == of(1.0) && of(1.0) != of(2.0));
+    }
+
+    #[test]
+    fn corners_settle_a_triangle_over_one_facet_or_far_from_all() {
+        // A plate, with a small triangle below two of the three corners.
+        let [p, q, r] = [v(0.0, 0.0, 1.0), v(4.0, 0.0, 1.0), v(2.0, 4.0, 1.0)];
+        let small = |p: Vec3| [0.0, 0.01, -0.01].map(|x| p + v(x, x * x, -0.99));
+        let ground = [plate([-9.0, 9.0], [-9.0, 9.0]), small(q).to_vec(), small(r).to_vec()].concat();
+        // Three points, each at 1 from its own corner and beyond the goal from the others.
+        let rays = [v(0.0, 1.0, 0.0), v(0.75_f32.sqrt(), -0.5, 0.0), v(-0.75_f32.sqrt(), -0.5, 0.0)];
+        let far = rays.map(|ray| ray * 0.08 / 3.0_f32.sqrt());
+        let points = rays.map(|ray| [ray * (1.0 + 0.08 / 3.0_f32.sqrt()); 3]).concat();
+        let rows = [([p, q, r], &ground), ([q, p, r], &ground), ([q, r, p], &ground), (far, &points)];
+        for (triangle, to) in rows {
+            let indices: Vec<u32> = (0..to.len() as u32).collect();
+            let (from, to) = (Surface::new(&triangle, &[0, 1, 2]), Surface::new(to, &indices));
+            let mut search = search(0.0);
+            let corners = search.corners(&from, &to);
+            search.add_triangles(&from, &to, false, &corners);
+            assert_eq!((search.budget, search.open.len()), (BUDGET - 3, 0), "{triangle:?}");
+            assert!((1.0..=1.05).contains(&search.settled), "{triangle:?}: {}", search.settled);
+        }
+    }
+
+    #[test]
+    fn a_piece_between_two_facets_is_cut_where_they_are_equally_far() {
+        let to = bvh(&[plate([-4.0, -1.0], [-4.0, 4.0]), plate([1.0, 4.0], [-4.0, 4.0])].concat());
+        let points = [v(-1.5, -1.0, 1.0), v(1.5, -1.0, 1.0), v(0.0, 1.0, 1.0)];
+        let root = 2.0_f32.sqrt();
+        let mut search = search(root);
+        search.refine(&piece(f32::INFINITY, points), &to);
+        assert_eq!((search.budget, search.open.len()), (BUDGET - 1, 0));
+        assert!((search.settled - root).abs() < 1e-6, "{}", search.settled);
+        // A bound from elsewhere stays, and each part is of its own facet from then on.
+        let mut search = Search { lower: 1.0, budget: BUDGET, ..search };
+        search.refine(&piece(1.2, points), &to);
+        let mut facets: Vec<(u32, f32)> = search.open.iter().map(|part| (part.facet, part.bound)).collect();
+        facets.sort_by_key(|part| part.0);
+        assert_eq!(facets, [(0, 1.2), (2, 1.2)]);
+    }
+
+    #[test]
+    fn a_piece_is_cut_along_an_outline_that_it_crosses_by_enough() {
+        let over = |x: f32| [v(0.0, 0.0, 1.0), v(x, 0.0, 1.0), v(0.0, 3.0, 1.0)];
+        let wide = [v(0.0, 0.0, 1.0), v(8.0, -2.0, 1.0), v(8.0, 2.0, 1.0)];
+        let rows = [
+            ("within the slack", over(4.1), 1.0, false),
+            ("beyond it", over(4.3), 1.0, true),
+            ("three quarters are outside", wide, 0.0, false),
+        ];
+        let to = bvh(&plate([-1.0, 4.0], [-9.0, 9.0]));
+        for (name, points, lower, cut) in rows {
+            assert_eq!(search(lower).cut_to_outline(&piece(f32::INFINITY, points), &to), cut, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_piece_more_than_twice_as_long_as_its_facet_is_halved() {
+        for scale in [1.0, 1.0 / 64.0] {
+            // A search for each half, or one for the part outside.
+            for (length, searches) in [(10.0, 2), (15.0, 1)] {
+                let to: Vec<Vec3> =
+                    plate([-1.0, length - 1.0], [-1.0, 7.0]).iter().map(|p| *p * scale).collect();
+                let points = [v(0.0, 0.0, 1.0), v(30.0, 0.0, 1.0), v(0.0, 6.0, 1.0)].map(|p| p * scale);
+                let mut search = search(0.1 * scale);
+                search.refine(&piece(f32::INFINITY, points), &bvh(&to));
+                assert_eq!(search.budget, BUDGET - searches, "{length} at {scale}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_helps_if_it_is_settled_or_clearly_smaller() {
+        let triangle = |bound, area| piece(bound, [Vec3::ZERO, v(area, 0.0, 0.0), v(0.0, 2.0, 0.0)]);
+        let rows = [(9.0, 2.9, true), (9.0, 3.0, false), (9.0, 3.1, false), (2.1, 4.0, true)];
+        for (bound, area, helps) in rows {
+            let helped = search(2.0).helps(&triangle(9.0, 4.0), &triangle(bound, area));
+            assert_eq!(helped, helps, "{bound} {area}");
+        }
+    }
+}

@@ -181,3 +181,39 @@ fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, V
     levels.reverse();
     (shared, levels)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trimaran_scene::Rgba8;
+
+    fn mesh(positions: &[Vec3], indices: &[u32]) -> Mesh {
+        let colours = vec![Rgba8([9, 9, 9, 255]); positions.len()];
+        Mesh { positions: positions.to_vec(), colours, indices: indices.to_vec() }
+    }
+
+    #[test]
+    fn a_mesh_farther_from_its_origin_than_twice_its_length_is_recentred() {
+        for size in [1.0 / 64.0, 1.0, 64.0] {
+            for (distance, centred) in [(1.875, false), (2.0, false), (2.125, true)] {
+                let middle = Vec3::X * distance * size;
+                let positions = [-0.5, 0.25, 0.5].map(|x| middle + Vec3::X * x * size);
+                let (centre, vertices, _) = clean(&mesh(&positions, &[0, 1, 2])).unwrap();
+                assert_eq!(centre, if centred { middle } else { Vec3::ZERO }, "{distance} at {size}");
+                let placed: Vec<Vec3> =
+                    vertices.iter().map(|v| centre + Vec3::from_array(v.position)).collect();
+                assert_eq!(placed, positions, "{distance} at {size}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_corners_weld_and_triangles_with_two_of_them_are_dropped() {
+        let positions = [Vec3::ZERO, -Vec3::ZERO, Vec3::X, Vec3::Y];
+        let thin = [[0, 1, 2], [0, 2, 1], [2, 0, 1]];
+        let proper = [[0, 2, 3], [1, 3, 2]];
+        let (_, vertices, indices) =
+            clean(&mesh(&positions, &[&thin[..], &proper].concat().concat())).unwrap();
+        assert_eq!((vertices.len(), indices), (3, vec![0, 1, 2, 0, 2, 1]));
+    }
+}

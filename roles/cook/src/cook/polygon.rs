@@ -150,6 +150,7 @@ mod tests {
     fn lines_that_miss_leave_it_whole_and_nonsense_is_refused() {
         assert!(matches!(right().cut(|p| p.x), Some(Cut::Positive)));
         assert!(matches!(right().cut(|p| p.x - 5.0), Some(Cut::Negative)));
+        assert!(matches!(right().cut(|p| -p.x), Some(Cut::Both(..))), "an edge on the line is positive");
         assert!(right().cut(|_| f32::NAN).is_none());
         // Positive at two corners that are not adjacent.
         let square =

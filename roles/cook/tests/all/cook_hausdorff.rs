@@ -73,8 +73,23 @@ fn square(z: f32, size: f32) -> Triangles {
 
 #[test]
 fn parallel_squares_are_their_distance_apart() {
-    let bound = bound(&square(0.0, 1.0), &square(0.25, 1.0));
-    assert!((0.25..=0.25 * 1.05).contains(&bound), "{bound}");
+    for size in [1.0, 1.0 / 1024.0, 1024.0] {
+        let bound = bound(&square(0.0, size), &square(0.25 * size, size));
+        assert!((0.25..=0.25 * 1.05).contains(&(bound / size)), "{bound} at {size}");
+    }
+}
+
+#[test]
+fn beyond_the_work_limit_the_bound_is_looser_but_no_smaller() {
+    // A long blade over points: everywhere between two of them it is half a unit from both.
+    let [near, limited] = [10, 100].map(|length: u16| {
+        let v = |x: u16, y: f32| Vec3::new(x.into(), y, 0.0);
+        let blades = (0..4).map(|i| [v(i * length, 0.0), v((i + 1) * length, 0.0), v(i * length, 0.01)]);
+        let points = (0..4 * length).map(|x| [v(x, 0.0) + Vec3::X * 0.5; 3]);
+        bound(&blades.collect(), &points.collect())
+    });
+    assert!((0.5..=0.5 * 1.051).contains(&near), "{near}");
+    assert!(limited > 0.5 * 1.06, "{limited}");
 }
 
 #[test]

@@ -333,3 +333,18 @@ fn a_small_part_is_drawn_as_it_is() {
     assert_eq!(levels(0), 1, "of 32 triangles 16 could be saved");
     assert!(levels(1) > 1, "of 64 triangles 32 are");
 }
+
+#[test]
+fn a_mesh_has_the_same_levels_at_any_size() {
+    let mut model = rack();
+    model.meshes = vec![pipe(64, 1), pipe(64, 1)];
+    model.meshes[0].positions.iter_mut().for_each(|p| *p /= 16_384.0);
+    model.objects.truncate(2);
+    let scene = cooked(&model);
+    let triangles = |object: u32| -> Vec<u32> {
+        let node = object_nodes(&scene).find(|node| node.object == object).unwrap();
+        scene.levels(node).map(|level| triangles_of(&scene, level)).collect()
+    };
+    assert_eq!(triangles(0), triangles(1));
+    assert!(triangles(1).len() > 2, "{:?}", triangles(1));
+}
