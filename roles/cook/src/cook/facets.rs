@@ -74,7 +74,9 @@ fn edge_key(p: Vec3, q: Vec3) -> u64 {
     let key = |v: Vec3| {
         // Adding zero turns -0 into 0.
         let [x, y, z] = (v + Vec3::ZERO).to_array().map(|c| u64::from(c.to_bits()));
-        (x ^ y.rotate_left(24) ^ z.rotate_left(48)).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        let mixed = (x ^ y.rotate_left(24) ^ z.rotate_left(48)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        // Without this, edges that are mirror images would share a key: products add up as their factors do.
+        mixed ^ mixed >> 32
     };
     key(p).wrapping_add(key(q))
 }
@@ -92,7 +94,8 @@ fn flat_pair(first: &[Vec3; 3], second: &[Vec3; 3], tolerance: f32) -> Option<f3
     let side = |from: Vec3, to: Vec3, point: Vec3| normal.dot((to - from).cross(point - from));
     let flat = normal.dot(s - p).abs() <= tolerance;
     let opposite = side(p, q, s) < 0.0;
-    let convex = side(r, s, p) * side(r, s, q) <= 0.0;
+    let (left, right) = (side(r, s, p), side(r, s, q));
+    let convex = left.min(right) <= 0.0 && left.max(right) >= 0.0;
     (flat && opposite && convex).then(|| p.distance_squared(q))
 }
 
@@ -131,11 +134,14 @@ mod tests {
         let signs = [1.0, -1.0];
         let octants = signs.map(|x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z)))).concat().concat();
         let places: Vec<Vec3> = octants.into_iter().flat_map(|octant| [octant, 2.0 * octant]).collect();
-        let [a, b, c, d] =
-            [(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.3)].map(|(x, y)| Vec3::new(x, y, 0.3));
-        let halves = [[a, b, c], [a, c, d]].map(|half| places.iter().map(move |&p| half.map(|v| v * p)));
-        let triangles: Vec<[Vec3; 3]> = halves.into_iter().flatten().collect();
-        assert_eq!(pair_triangles(&triangles), (16..32).chain(0..16).collect::<Vec<u32>>());
+        for (low, high) in [(0.1, 0.3), (0.1, 0.7), (0.3, 0.4), (0.2, 0.9), (0.7, 1.3)] {
+            let corners = [(low, low), (high, low), (high, high), (low, high)];
+            let [a, b, c, d] = corners.map(|(x, y)| Vec3::new(x, y, 0.3));
+            let halves = [[a, b, c], [a, c, d]].map(|half| places.iter().map(move |&p| half.map(|v| v * p)));
+            let triangles: Vec<[Vec3; 3]> = halves.into_iter().flatten().collect();
+            let partners: Vec<u32> = (16..32).chain(0..16).collect();
+            assert_eq!(pair_triangles(&triangles), partners, "{low} to {high}");
+        }
     }
 
     #[test]
@@ -151,8 +157,11 @@ mod tests {
     fn bent_concave_and_folded_neighbours_do_not_pair() {
         let bent = D + Vec3::Z * 0.1;
         assert_eq!(pair_triangles(&[[A, B, C], [A, C, bent]]), [0, 1]);
-        let concave = Vec3::new(-8.0, -1.0, 0.0);
-        assert_eq!(pair_triangles(&[[A, B, C], [A, C, concave]]), [0, 1]);
+        for (concave, scale) in [(-1.0, 1.0), (-0.001, 1.0), (-0.001, 1e-11)] {
+            let shape = [[A, B, C], [A, C, Vec3::new(-8.0, concave, 0.0)]];
+            let pair = pair_triangles(&shape.map(|triangle| triangle.map(|p| p * scale)));
+            assert_eq!(pair, [0, 1], "{concave} at {scale}");
+        }
         let folded = Vec3::new(2.0, 0.25, 0.0);
         assert_eq!(pair_triangles(&[[A, B, C], [A, C, folded]]), [0, 1]);
     }
