@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { cutText, Reader, shownText, WireError, Writer } from "../src/bytes.ts";
+import { cutText, Reader, randomNumber, shownText, WireError, Writer } from "../src/bytes.ts";
 import { number } from "../src/fixed.ts";
 import { fromHex, range, toHex } from "./support.ts";
 
@@ -31,7 +31,7 @@ test("numbers of fixed width are little-endian", () => {
 
 test("a reader reads a part of a buffer as if it were alone", () => {
   const reader = new Reader(fromHex("ff ff 01 00 00 00 ff").subarray(2, 6));
-  assert.equal(reader.u32(), 1);
+  assert.deepEqual([reader.u32(), reader.position], [1, 4]);
   assert.throws(() => reader.u8(), new WireError("cut short: 1 bytes expected, 0 left"));
 });
 
@@ -135,6 +135,10 @@ test("what is no whole number is not written", () => {
   for (const value of [-1, -1n, 0.5, Number.NaN, 2 ** 53]) {
     assert.throws(() => new Writer().varint(value), RangeError, String(value));
   }
+});
+
+test("random numbers differ", () => {
+  assert.equal(new Set(range(0, 20).map(randomNumber)).size, 20);
 });
 
 test("texts are cut at a character and shown escaped", () => {

@@ -4,7 +4,24 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { Reader, WireError } from "../src/bytes.ts";
-import { checked, i8, i16, i32, i64, option, record, u32, whole } from "../src/codec.ts";
+import {
+  bool,
+  bytes,
+  type Codec,
+  checked,
+  count,
+  i8,
+  i16,
+  i32,
+  i64,
+  list,
+  option,
+  record,
+  u16,
+  u32,
+  u128,
+  whole,
+} from "../src/codec.ts";
 import { array, nothing, number, struct } from "../src/fixed.ts";
 import { itemsOf, typedItems } from "../src/items.ts";
 import { defineProtocol, formatOf } from "../src/protocol.ts";
@@ -95,6 +112,24 @@ test("signed numbers of postcard are folded", () => {
     assert.equal(whole(i64).decode(whole(i64).encode(value)), value);
   }
   assert.equal(whole(i8).decode(Uint8Array.of(0xff)), -1);
+});
+
+test("wide numbers, bytes and lists of postcard read back", () => {
+  const check = <T>(codec: Codec<T>, value: T, hex: string) => {
+    assert.equal(toHex(whole(codec).encode(value)), hex);
+    assert.deepEqual(whole(codec).decode(fromHex(hex)), value);
+  };
+  check(u128, 1n << 127n, `${"80 ".repeat(18)}02`);
+  check(count, Number.MAX_SAFE_INTEGER, "ff ff ff ff ff ff ff 0f");
+  check(bool, true, "01");
+  check(bool, false, "00");
+  check(bytes, Uint8Array.of(7, 8), "02 07 08");
+  const wheels = list(u16, 2, "wheels");
+  check(wheels, [300, 5], "02 ac 02 05");
+  assert.throws(
+    () => whole(wheels).decode(fromHex("03 01 02 03")),
+    new WireError("3 wheels: there can be 2"),
+  );
 });
 
 test("a protocol is within the limits of the wire, and needs no more than a name and a hello", () => {

@@ -82,6 +82,16 @@ test("frames follow each other, with gaps and without items", () => {
   assert.deepEqual(frames, [[], many, []]);
 });
 
+test("the memory of a frame doubles as items come, up to the most that it may have", () => {
+  const held = range(1, 10).map((count) => {
+    const items = range(0, count);
+    const messages = [begin(0), ...items.map((item) => batch(item)), end(0, items)];
+    const [frame] = takeAll(new FrameAssembler(hasher, PLAIN, 9), messages);
+    return frame?.items.buffer.byteLength;
+  });
+  assert.deepEqual(held, [4, 8, 16, 16, 32, 32, 32, 32, 36]);
+});
+
 test("a frame of which items are missing is not complete, and no reference", () => {
   const decoder = new Bytes();
   const assembler = new FrameAssembler(hasher, coding(decoder), 9);
@@ -95,6 +105,11 @@ test("a frame of which items are missing is not complete, and no reference", () 
 
 test("a peer that breaks the order or lies is found", () => {
   const wrongHash = { kind: Kind.end, payload: new Writer().u32(1).u32(1).u64(7n).take() };
+  const fewer = new Writer()
+    .u32(1)
+    .u32(1)
+    .bytes(endOf(1, [1, 2]).subarray(8))
+    .take();
   const faults: [string, Message[], RegExp][] = [
     ["begin within a frame", [begin(1), begin(2)], /frame 2 began before the end of frame 1/],
     ["the same number again", [begin(1), end(1, []), begin(1)], /frame 1 began after frame 1/],
@@ -105,6 +120,7 @@ test("a peer that breaks the order or lies is found", () => {
     ["an end before begin", [end(1, [])], /frame 1 ended, and frame none was open/],
     ["the end of another", [begin(1), end(2, [])], /frame 2 ended, and frame 1 was open/],
     ["more than announced", [begin(1), batch(1, 2), end(1, [1])], /not those that its end announces/],
+    ["a count below the hash", [begin(1), batch(1, 2), { kind: Kind.end, payload: fewer }], /not those that/],
     ["others than announced", [begin(1), batch(1), end(1, [2])], /not those that its end announces/],
     ["another order", [begin(1), batch(1, 2), end(1, [2, 1])], /not those that its end announces/],
     ["another hash", [begin(1), batch(1), wrongHash], /not those that its end announces/],

@@ -14,7 +14,7 @@ import {
   type Refusal,
 } from "../src/handshake.ts";
 import { Kind } from "../src/messages.ts";
-import { acceptOf, encodeCommand, encodeHelloOf, opened, Robot, THEM, US } from "./robot.ts";
+import { acceptOf, encodeCommand, encodeHelloOf, linked, opened, Robot, THEM, US } from "./robot.ts";
 import { FakeConnection, fromHex, settled, toHex } from "./support.ts";
 
 const errorOf = (promise: Promise<unknown>): Promise<unknown> =>
@@ -105,6 +105,7 @@ test("a refusal says why, and all lanes are given up", async () => {
   const error = await errorOf(link);
   assert(error instanceof LinkError);
   assert.deepEqual([error.code, error.refusal, robot.areAllClosed], ["refused", refusal, true]);
+  assert.equal("cause" in error, false, "no other error is behind it");
   assert.equal(robot.clock.waiting, 0, "no timer is left");
 });
 
@@ -170,6 +171,18 @@ test("a listener that is not taken is told so", async () => {
   assert(robot.areAllClosed);
 });
 
+test("an error of the caller's own judgement is thrown as it is", async () => {
+  const robot = new Robot();
+  const error = new Error("the map is not loaded");
+  const admit = () => {
+    throw error;
+  };
+  const link = robot.connect({ admit });
+  await opened(robot);
+  robot.accept();
+  assert.equal(await errorOf(link), error);
+});
+
 test("a listener whose hello cannot be read is not taken", async () => {
   const robot = new Robot();
   const link = robot.connect();
@@ -201,4 +214,6 @@ test("an attempt that is aborted ends with the signal's reason, and leaves nothi
 test("a hello that does not fit is an error of the caller", async () => {
   const hello = { name: "x".repeat(200), map: 7 };
   await assert.rejects(new Robot().connect({ hello }), /a hello of 203 bytes: it has at most 200/);
+  const { link } = await linked({ hello: { ...hello, name: "x".repeat(197) } });
+  assert.deepEqual(link.peer, THEM);
 });

@@ -172,8 +172,15 @@ test("this side leaves with a close on each lane, and nothing is sent or read an
   assert(robot.areAllClosed && link.isOver);
   link.close(1, "again");
   link.latest.publish(HERE);
-  await assert.rejects(link.messages.send({ command: "Stop" }), { code: "left" });
-  await assert.rejects(link.messages.receive(), { code: "left" });
+  const left = {
+    code: "left",
+    close: { why: "left", code: 1, text: "it was interrupted" },
+    message: "this side has closed the link: it was interrupted",
+  };
+  await assert.rejects(link.messages.send({ command: "Stop" }), left);
+  await assert.rejects(link.messages.receive(), left);
+  await assert.rejects(link.frames.send({ header: HERE, items: POINTS }), left);
+  await assert.rejects(link.frames.receive(), left);
   assert.deepEqual(await readAll(link.messages), ["done"]);
   robot.clock.pass(60_000);
   assert.deepEqual(

@@ -17,10 +17,12 @@ const sayStop = (robot: Robot) => robot.say("messages", Kind.message, encodeComm
 
 const hasher = await loadHasher();
 
-/** Sends a frame without items. */
+/** Sends a frame of one point. */
 function sayFrame(robot: Robot, number: number): void {
   robot.say("frames", Kind.begin, new Writer().u32(number).bytes(encodePoint(HERE)).take());
-  robot.say("frames", Kind.end, new Writer().u32(number).u32(0).u64(hashOf(hasher.init())).take());
+  robot.say("frames", Kind.batch, encodePoint(HERE));
+  const hash = hashOf(hasher.init().update(encodePoint(HERE)));
+  robot.say("frames", Kind.end, new Writer().u32(number).u32(1).u64(hash).take());
 }
 
 async function isPending(promise: Promise<unknown>): Promise<boolean> {
@@ -104,6 +106,16 @@ test("a link whose reader leaves too much unread ends, and says so", async () =>
   assert(robot.areAllClosed);
 });
 
+test("an unread frame counts with the bytes of all its messages", async () => {
+  const { robot, link } = await linked({ maxUnread: 2 * (16 + 12 + 16) });
+  sayFrame(robot, 0);
+  sayFrame(robot, 1);
+  assert.equal(link.isOver, false);
+  sayFrame(robot, 2);
+  const text = "more than 88 bytes wait for a reader on the frames lane";
+  assert.deepEqual(await link.closed, { why: "overflow", text });
+});
+
 test("a sender waits until its lane has room", async () => {
   const { robot, link } = await linked();
   const connection = robot.connection("bulk");
@@ -161,6 +173,8 @@ test("frames are sent one after the other, in batches, with their count and hash
     .take();
   assert.deepEqual(heard[4]?.payload, expected);
   await assert.rejects(link.frames.send({ number: 8, header: HERE, items: [] }), /the next number is 9/);
+  assert.equal(await link.frames.send({ number: 0xffff_ffff, header: HERE, items: [] }), 0xffff_ffff);
+  await assert.rejects(link.frames.send({ header: HERE, items: [] }), /frame 4294967296 cannot be sent/);
 });
 
 test("a frame that is aborted on its way ends, and the peer knows that items are missing", async () => {
@@ -178,4 +192,25 @@ test("a frame that is aborted on its way ends, and the peer knows that items are
   const reader = new Reader(end?.payload ?? new Uint8Array(0));
   assert.deepEqual([reader.u32(), reader.u32()], [0, 12_000]);
   assert.equal(await link.frames.send({ header: HERE, items: [] }), 1);
+});
+
+test("a frame that is aborted after its last batch is complete", async () => {
+  const { robot, link } = await linked();
+  const giveUp = new AbortController();
+  const connection = robot.connection("frames");
+  connection.waiting = 262_145;
+  // As many points as a batch takes.
+  const items = POINTS.slice(0, 5_461);
+  const sent = link.frames.send({ header: HERE, items }, { signal: giveUp.signal });
+  await settled();
+  connection.waiting = 0;
+  robot.clock.pass(4);
+  connection.waiting = 262_145;
+  await settled();
+  giveUp.abort();
+  connection.waiting = 0;
+  robot.clock.pass(4);
+  assert.equal(await sent, 0);
+  const kinds = robot.heard("frames").map(({ kind }) => kind);
+  assert.deepEqual(kinds, [Kind.begin, Kind.batch, Kind.end]);
 });
