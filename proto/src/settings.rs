@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn settings_are_said_in_one_line() {
         let plain = Settings::new(Viewport::new(640, 480).unwrap(), LodRule::new(2.0).unwrap());
-        let said = "640x480 at 2 px, 4096 ids a batch, coding changes, occlusion test hzb";
+        let said = "640x480 at 2 px, 256 ids a batch, coding changes, occlusion test hzb";
         assert_eq!(plain.to_string(), said);
         let few = Settings { lod: plain.lod.stopping_at_few_pixels(true), ..plain };
         assert_eq!(few.to_string(), format!("{said}, stopping at few pixels"));

@@ -274,6 +274,11 @@ mod tests {
         let question = due.after(Duration::from_millis(25));
         assert_eq!(connection.poll_timeout(), Some(question));
         assert_eq!(packet(&mut connection, question), ["ping"]);
+        for (room, has_room) in [(29, true), (28, false)] {
+            let bytes = connection.recovery.room() - room;
+            connection.recovery.on_sent(Some(Sent { at: question, bytes, contents: Contents::new() }));
+            assert_eq!(connection.question_due().is_some(), has_room, "{room} bytes");
+        }
     }
 
     #[test]
