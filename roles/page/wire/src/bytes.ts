@@ -99,7 +99,7 @@ export class Reader {
     return this.#largeVarint(64);
   }
 
-  /** A postcard u64 that is a count: at most 2^53, to be exact. */
+  /** A postcard u64 that is a count: below 2^53, to be exact. */
   varintCount(): number {
     const value = this.#largeVarint(64);
     if (value > BigInt(Number.MAX_SAFE_INTEGER)) {

@@ -50,7 +50,7 @@ export const i64: Codec<bigint> = {
   },
   write: (w, value) => u64.write(w, BigInt.asUintN(64, (value << 1n) ^ (value >> 63n))),
 };
-/** A u64 that is a count: at most 2^53, to be exact. */
+/** A u64 that is a count: below 2^53, to be exact. */
 export const count = varint((r) => r.varintCount());
 
 export const bool: Codec<boolean> = { read: (r) => r.bool(), write: (w, value) => w.bool(value) };

@@ -65,32 +65,33 @@ export async function connect<Hello, Value, Header, Items, Message, C extends Ch
     channels: Object.values(protocol.channels).map(channelFormat),
   };
   const { listener, ...met } = await meet((lane) => open(url, lane), hello, formats, { clock, signal });
-  const peer = judge(listener, protocol.hello, options);
-  if (peer instanceof LinkError) {
+  try {
+    const peer = judge(listener, protocol.hello, options);
+    const { maxItems = 1 << 22 } = options;
+    const rule = { keep, maxUnread, maxItems: typeof maxItems === "number" ? maxItems : maxItems(peer) };
+    return new Link({ protocol, peer, ...met, clock, hashers, rule });
+  } catch (error) {
+    const text = error instanceof LinkError ? error.message : "it failed when it judged this side";
     for (const lane of [...Object.values(met.lanes), ...met.channels]) {
-      lane.leave({ code: CODE_NOT_TAKEN, text: peer.message });
+      lane.leave({ code: CODE_NOT_TAKEN, text });
     }
-    throw peer;
+    throw error;
   }
-  const { maxItems = 1 << 22 } = options;
-  const rule = { keep, maxUnread, maxItems: typeof maxItems === "number" ? maxItems : maxItems(peer) };
-  return new Link({ protocol, peer, ...met, clock, hashers, rule });
 }
 
-/** The listener's hello, or why this side does not take it. */
-function judge<Hello>(
-  listener: Uint8Array,
-  hello: Codec<Hello>,
-  { admit }: ConnectOptions<Hello>,
-): Hello | LinkError {
+/** The listener's hello. Throws a `LinkError` if this side does not take it. */
+function judge<Hello>(listener: Uint8Array, hello: Codec<Hello>, { admit }: ConnectOptions<Hello>): Hello {
   try {
     const peer = whole(hello).decode(listener);
     const why = admit?.(peer);
-    return why === undefined ? peer : new LinkError("rejected", why);
+    if (why !== undefined) {
+      throw new LinkError("rejected", why);
+    }
+    return peer;
   } catch (error) {
     if (error instanceof WireError) {
       const text = `the listener's hello cannot be read: ${error.message}`;
-      return new LinkError("violation", text, { cause: error });
+      throw new LinkError("violation", text, { cause: error });
     }
     throw error;
   }

@@ -181,6 +181,7 @@ test("an error of the caller's own judgement is thrown as it is", async () => {
   await opened(robot);
   robot.accept();
   assert.equal(await errorOf(link), error);
+  assert.deepEqual([robot.areAllClosed, robot.clock.waiting], [true, 0]);
 });
 
 test("a listener whose hello cannot be read is not taken", async () => {
