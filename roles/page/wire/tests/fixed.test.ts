@@ -136,6 +136,9 @@ test("a protocol is within the limits of the wire, and needs no more than a name
   const least = defineProtocol({ name: "least/1", hello: nothing });
   assert.deepEqual(formatOf(least), { latest: 0, header: 0, item: 4 });
   const define = (change: object) => () => defineProtocol({ name: "a", hello: nothing, ...change });
+  const [value, items] = [array("u8", 1024), typedItems(Uint8Array, 256)];
+  const most = defineProtocol({ name: "x".repeat(32), hello: nothing, latest: value, header: value, items });
+  assert.deepEqual(formatOf(most), { latest: 1024, header: 1024, item: 256 });
   assert.throws(define({ name: "x".repeat(33) }), /has 33 bytes: it must have 1 to 32/);
   assert.throws(define({ latest: array("u8", 1025) }), /a latest value has 1025 bytes/);
   assert.throws(define({ header: array("u8", 1025) }), /a header has 1025 bytes/);

@@ -10,6 +10,7 @@ import {
   decodeHello,
   encodeAccept,
   encodeRefuse,
+  encodeVersionedAccept,
   LANES,
   type Refusal,
 } from "../src/handshake.ts";
@@ -83,16 +84,19 @@ test("without a version in common there is one attempt, and both ranges are name
   assert.match(error.message, /the listener speaks versions 6 to 7 of the wire, this side versions 4 to 5/);
 });
 
-test("what comes before the other lanes are accepted is not lost", async () => {
+test("what comes before the other lanes are accepted is not lost, and a lane's end neither", async () => {
   const robot = new Robot();
   const connecting = robot.connect();
   await opened(robot);
   robot.say("messages", Kind.versionedAccept, acceptOf(THEM));
   robot.say("messages", Kind.message, encodeCommand({ command: "Stop" }));
+  robot.connection("messages").onEnd?.("reset");
   for (const lane of LANES.filter((lane) => lane !== "messages")) {
     robot.say(lane, Kind.versionedAccept, acceptOf(THEM));
   }
-  assert.deepEqual(await (await connecting).messages.receive(), { command: "Stop" });
+  const link = await connecting;
+  assert.deepEqual(await link.messages.receive(), { command: "Stop" });
+  assert.deepEqual(await link.closed, { why: "lost", text: "the messages lane ended: reset" });
 });
 
 test("a refusal says why, and all lanes are given up", async () => {
@@ -110,19 +114,20 @@ test("a refusal says why, and all lanes are given up", async () => {
 });
 
 test("a listener that does not answer, answers otherwise, or is gone makes no link", async () => {
+  const accept = (robot: Robot, introduction: Uint8Array) => {
+    for (const lane of LANES) {
+      const own = lane === "bulk" ? introduction : encodeHelloOf(THEM);
+      const answer = encodeVersionedAccept({ version: 5, idleTimeout: 20_000, introduction: own });
+      robot.say(lane, Kind.versionedAccept, answer);
+    }
+  };
   const cases: [LinkErrorCode, (robot: Robot) => void, RegExp][] = [
     ["timeout", (robot) => robot.clock.pass(20_000), /did not answer in time/],
     ["violation", (robot) => robot.say("bulk", Kind.block), /block came instead of an answer/],
     ["lost", (robot) => robot.connection("frames").onEnd?.("reset"), /frames lane ended: reset/],
-    [
-      "violation",
-      (robot) => {
-        for (const lane of LANES) {
-          robot.say(lane, Kind.versionedAccept, acceptOf(lane === "bulk" ? US : THEM));
-        }
-      },
-      /call themselves differently/,
-    ],
+    ["violation", (robot) => accept(robot, encodeHelloOf(US)), /call themselves differently/],
+    ["violation", (robot) => accept(robot, encodeHelloOf(THEM).subarray(1)), /themselves differently/],
+    ["violation", (robot) => accept(robot, encodeHelloOf(THEM).subarray(0, -1)), /themselves differently/],
   ];
   for (const [code, happen, text] of cases) {
     const robot = new Robot();

@@ -95,9 +95,11 @@ test("only the newest value is sent once there is room again", async () => {
   link.latest.publish(value(1));
   assert.deepEqual(sent(), [1], "a few KiB are no reason to wait");
   connection.waiting = 4097;
+  const timers = robot.clock.waiting;
   for (const number of range(2, 6)) {
     link.latest.publish(value(number));
   }
+  assert.equal(robot.clock.waiting, timers + 1, "they wait together");
   robot.clock.pass(100);
   assert.deepEqual(sent(), []);
   connection.waiting = 0;
@@ -171,6 +173,7 @@ test("this side leaves with a close on each lane, and nothing is sent or read an
   assert.deepEqual(await link.closed, { why: "left", code: 1, text: "it was interrupted" });
   assert(robot.areAllClosed && link.isOver);
   link.close(1, "again");
+  robot.connection("latest").waiting = 0;
   link.latest.publish(HERE);
   const left = {
     code: "left",
@@ -218,6 +221,15 @@ test("a peer that leaves on one lane alone has left two seconds later", async ()
   assert(robot.areAllClosed);
 });
 
+test("a peer that breaks the protocol while it leaves is let go at once", async () => {
+  const { robot, link } = await linked();
+  robot.say("latest", Kind.close, encodeClose({ code: 0, text: "" }));
+  robot.say("bulk", Kind.message);
+  const text = "on the bulk lane: a message came, which does not belong there";
+  assert.deepEqual(await link.closed, { why: "violation", text });
+  assert.equal(robot.clock.waiting, 0);
+});
+
 test("a peer that breaks the protocol is let go at once", async () => {
   const cases: [(robot: Robot) => void, string][] = [
     [
@@ -259,7 +271,17 @@ test("a lane that ends without a close is a lost peer, and what came before is r
   robot.say("messages", Kind.message, STOP);
   robot.connection("messages").onEnd?.("reset");
   assert.deepEqual(await link.closed, { why: "lost", text: "the messages lane ended: reset" });
+  link.close(1, "too late");
   assert.deepEqual(await readAll(link.messages), [{ command: "Stop" }, "lost"]);
+});
+
+test("a connection that ends as something is sent leaves no timer behind", async () => {
+  const { robot, link } = await linked();
+  const connection = robot.connection("bulk");
+  connection.send = () => connection.onEnd?.("reset");
+  robot.clock.pass(5_000);
+  assert.deepEqual(await link.closed, { why: "lost", text: "the bulk lane ended: reset" });
+  assert.equal(robot.clock.waiting, 0);
 });
 
 test("a frame has at most as many items as the caller says", async () => {

@@ -5,13 +5,17 @@ import { test } from "node:test";
 
 import { WireError, Writer } from "../src/bytes.ts";
 import {
+  decodeChannelsHello,
   decodeClose,
   decodeHello,
   decodeRefuse,
+  decodeVersionedAccept,
   describeRefusal,
+  encodeChannelsHello,
   encodeClose,
   encodeHello,
   encodeRefuse,
+  encodeVersionedAccept,
   type Refusal,
 } from "../src/handshake.ts";
 import { encodeMessage, Kind, lengthsOf, type Message, MessageStream } from "../src/messages.ts";
@@ -116,6 +120,11 @@ test("a length that is claimed sets no memory aside", () => {
   reader.push(new Writer().u8(Kind.batch).u24(65_536).take());
   assert.equal(reader.take(), undefined);
   assert(reader.capacity <= 16, `${reader.capacity} bytes`);
+  const full = new MessageStream(format);
+  full.push(new Uint8Array([Kind.keepAlive, 0, 0, 0, Kind.keepAlive, 0, 0, 0]));
+  assert.equal(full.take()?.kind, Kind.keepAlive);
+  full.push(Uint8Array.of(Kind.keepAlive, 0, 0, 0));
+  assert.equal(full.capacity, 8, "room of a message that was taken");
   // Taken messages do not make it grow either.
   const long = new MessageStream(format);
   for (let at = 0; at < 1000; at += 1) {
@@ -125,27 +134,44 @@ test("a length that is claimed sets no memory aside", () => {
   assert(long.capacity <= 4 * stream.length, `${long.capacity} bytes`);
 });
 
-test("each reason of a refusal reads back", () => {
-  const refusals: Refusal[] = [
-    { reason: "versions", listener: { highest: 7, lowest: 6 }, connector: { highest: 5, lowest: 4 } },
-    { reason: "applications", listener: "robot/1", connector: "trimaran/4" },
-    { reason: "not taken", code: 3, text: "x".repeat(400) },
-    { reason: "lane", session: (1n << 64n) - 1n, lane: "bulk" },
-    { reason: "unpaired", session: 5n },
-    { reason: "busy" },
-    { reason: "key", claimed: "display", known: "culler" },
-    {
-      reason: "channels",
-      number: 3,
-      listener: { name: "back", sizes: { kind: "frames", header: 8, item: 3 } },
-      connector: undefined,
-    },
+test("each reason of a refusal reads back, and is told to people", () => {
+  const both = "install the same release on both";
+  const refusals: [Refusal, string][] = [
+    [
+      { reason: "versions", listener: { highest: 7, lowest: 6 }, connector: { highest: 5, lowest: 5 } },
+      `the listener speaks versions 6 to 7 of the wire, this side version 5: ${both}`,
+    ],
+    [
+      { reason: "applications", listener: "robot/1", connector: "trimaran/4" },
+      `the listener speaks robot/1, this side trimaran/4: ${both}`,
+    ],
+    [{ reason: "not taken", code: 3, text: "x".repeat(400) }, "x".repeat(400)],
+    [
+      { reason: "lane", session: (1n << 64n) - 1n, lane: 3 },
+      "the channel 3 came twice or from a peer that calls itself something else",
+    ],
+    [{ reason: "unpaired", session: 5n }, "another lane of the link did not come in time"],
+    [{ reason: "busy" }, "the listener has too many peers or handshakes under way: try again"],
+    [
+      { reason: "key", claimed: "display", known: "culler" },
+      "this side claims to be display, and the listener knows its key as that of culler",
+    ],
+    [
+      {
+        reason: "channels",
+        number: 3,
+        listener: { name: "back", sizes: { kind: "frames", header: 8, item: 3 } },
+        connector: undefined,
+      },
+      "channel 3 of the listener is `back` of frames with headers of 8 and items of 3 bytes, that of this " +
+        `side missing: ${both}`,
+    ],
   ];
-  for (const [number, refusal] of refusals.entries()) {
+  for (const [number, [refusal, text]] of refusals.entries()) {
     const payload = encodeRefuse(refusal);
     assert.equal(payload[2], number);
     assert.deepEqual(decodeRefuse(payload), refusal);
-    assert(describeRefusal(refusal).length > 5);
+    assert.equal(describeRefusal(refusal), text);
     const longer = concat(payload, new Uint8Array(1));
     if (refusal.reason === "versions") {
       assert.equal(decodeRefuse(longer).reason, "versions");
@@ -156,6 +182,7 @@ test("each reason of a refusal reads back", () => {
   const connector = { highest: 5, lowest: 4 };
   for (const [bytes, version] of [
     ["06 00 ff ff", 6],
+    ["06 00 05", 6],
     ["04 00 00 04 05", 4],
   ] as const) {
     const listener = { highest: version, lowest: version };
@@ -179,6 +206,18 @@ test("what is no hello or close is refused, and texts are cut", () => {
     assert.throws(() => decodeHello(payload.subarray(0, length)), WireError);
   }
   assert.throws(() => decodeHello(fromHex("54 52 49 4e 04 00")), /magic number/);
+  const channels = encodeChannelsHello({ ...hello, channels: [] });
+  assert.throws(() => decodeChannelsHello(channels), new WireError("no channels"));
   assert.throws(() => decodeClose(fromHex("03 00 00")), new WireError("1 bytes too many"));
   assert.equal(decodeClose(encodeClose({ code: 2, text: "é".repeat(300) })).text, "é".repeat(100));
+});
+
+test("a listener may choose a version of the wire that was offered and names itself", () => {
+  const answer = { idleTimeout: 20_000, introduction: Uint8Array.of(7) };
+  const read = (version: number) => decodeVersionedAccept(encodeVersionedAccept({ version, ...answer }));
+  assert.deepEqual(read(5), { version: 5, ...answer });
+  for (const version of [4, 6]) {
+    const text = `the listener chose version ${version} of the wire, which was not offered`;
+    assert.throws(() => read(version), new WireError(text));
+  }
 });

@@ -1,5 +1,6 @@
 /** Shared by several tests. */
 
+import assert from "node:assert/strict";
 import { existsSync, readFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 
@@ -119,6 +120,7 @@ export class FakeConnection implements Connection {
   waiting = 0;
 
   send(bytes: Uint8Array): void {
+    assert(!this.isClosed, "nothing is sent after the close");
     this.sent.push(bytes);
   }
 
@@ -127,6 +129,7 @@ export class FakeConnection implements Connection {
   }
 
   close(): void {
+    assert(!this.isClosed, "it is closed once");
     this.isClosed = true;
   }
 }

@@ -43,6 +43,14 @@ test("readers that wait are served in order", async () => {
   assert.deepEqual(await Promise.all([first, second]), [Uint8Array.of(1), Uint8Array.of(2)]);
 });
 
+test("readers that wait when the link ends are told why", async () => {
+  const { robot, link } = await linked();
+  const reads = [link.bulk.receive(), link.bulk.receive(), link.frames.receive()];
+  robot.connection("latest").onEnd?.("reset");
+  const lost = { code: "lost", message: "the latest lane ended: reset" };
+  await Promise.all(reads.map((read) => assert.rejects(read, lost)));
+});
+
 test("a reader that gives up loses nothing", async () => {
   const { robot, link } = await linked();
   const giveUp = new AbortController();

@@ -10,6 +10,7 @@ class FakeSocket {
   binaryType: BinaryType = "blob";
   bufferedAmount = 0;
   onopen: (() => void) | null = null;
+  onerror: ((event: { message?: string }) => void) | null = null;
   onmessage: ((event: { data: unknown }) => void) | null = null;
   onclose: ((event: { code: number; reason: string }) => void) | null = null;
   sent: Uint8Array[] = [];
@@ -49,6 +50,8 @@ test("what is sent is split into binary messages of at most 65,536 bytes", async
     [65_536, 65_536, 8_928],
   );
   assert.deepEqual(concat(...socket.sent), bytes);
+  connection.send(bytes.slice(0, 65_536));
+  assert.equal(socket.sent.length, 4, "a part that is full is the last one");
   socket.bufferedAmount = 5;
   assert.equal(connection.buffered(), 5);
 });
@@ -79,8 +82,20 @@ test("nothing is told after this side has closed", async () => {
   assert(socket.isClosed);
 });
 
-test("a connection that cannot be opened says why", async () => {
+test("bytes and an end that nobody asks for are no error, and text still ends the connection", async () => {
+  const { socket } = await opened();
+  socket.onmessage?.({ data: new ArrayBuffer(1) });
+  socket.onclose?.({ code: 1006, reason: "" });
+  socket.onmessage?.({ data: "hello" });
+  assert(socket.isClosed);
+});
+
+test("a connection that cannot be opened says why, in the error or else in its end", async () => {
+  const { socket: failed, connection: never } = opening();
+  failed.onerror?.({ message: "no such host" });
+  await assert.rejects(never, new Error("cannot connect to ws://two:7400/culler: no such host"));
   const { socket, connection } = opening();
+  socket.onerror?.({});
   socket.onclose?.({ code: 1006, reason: "no route" });
   await assert.rejects(connection, new Error("cannot connect to ws://two:7400/culler: no route (code 1006)"));
 });
