@@ -15,6 +15,7 @@ export class NewestSender {
   readonly #clock: Clock;
   #waiting: Uint8Array | undefined;
   #callOff: (() => void) | undefined;
+  #isStopped = false;
 
   constructor(lane: Lane, clock: Clock) {
     this.#lane = lane;
@@ -28,16 +29,15 @@ export class NewestSender {
     }
   }
 
-  /** Discards the waiting value. */
+  /** Discards the waiting value and all later ones. */
   stop(): void {
     this.#callOff?.();
-    this.#callOff = undefined;
-    this.#waiting = undefined;
+    this.#isStopped = true;
   }
 
   #flush(): void {
     this.#callOff = undefined;
-    if (this.#waiting === undefined) {
+    if (this.#isStopped || this.#waiting === undefined) {
       return;
     }
     if (this.#lane.buffered() > MOST_BUFFERED) {

@@ -107,6 +107,10 @@ test("only the newest value is sent once there is room again", async () => {
   assert.deepEqual(sent(), [5]);
   link.latest.publish(value(6));
   assert.deepEqual(sent(), [6]);
+  connection.waiting = 4097;
+  link.close();
+  link.latest.publish(value(7));
+  assert.equal(robot.clock.waiting, 0, "a link that is over waits for no room");
 });
 
 test("a lane that says nothing is kept alive each five seconds", async () => {
