@@ -300,6 +300,7 @@ mod tests {
         let rule = LodRule::new(1.0).unwrap();
         let cut = lod_cut(&scene, &view, rule);
         let mut mapper = OccluderMapper::new(scene, view, rule);
+        assert_eq!(OccluderMapper::LAST_STAMP.leading_zeros(), 2, "beside the bits of a state");
         mapper.stamp = OccluderMapper::LAST_STAMP - 1;
         for stamp in [OccluderMapper::LAST_STAMP, 1, 2, 3] {
             mapper.begin(view, rule);
