@@ -135,7 +135,8 @@ impl ScreenProjection {
         let thickness = a.z.abs() + b.z.abs() + c.z.abs();
         let (front, back) = (-centre.z - thickness, -centre.z + thickness);
         // Not even twice the smallest f32: below that reciprocals overflow.
-        if !(front > f64::from(f32::MIN_POSITIVE) && (centre + a + b + c).is_finite()) {
+        let is_finite = [centre, a, b, c].iter().all(|v| v.is_finite());
+        if !(front > f64::from(f32::MIN_POSITIVE) && is_finite) {
             return None;
         }
         let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));

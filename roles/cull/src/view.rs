@@ -160,6 +160,13 @@ mod tests {
     }
 
     #[test]
+    fn clip_space_is_right_and_down_with_the_depth_as_w_and_the_near_plane_as_z() {
+        let upright = View::new(*view().camera(), Viewport::new(8, 16).unwrap());
+        let place = upright.projection() * Vec4::new(0.25, 1.0, -2.0, 1.0);
+        assert_eq!(place, Vec4::new(1.0, -2.0, 0.1, 2.0));
+    }
+
+    #[test]
     fn planes_of_sections_keep_in_view_space_what_they_keep_in_the_world() {
         // All with x up to -2 is kept: from 3 m before the eye on.
         let plane = SectionPlane::new([-2.0, 7.0, 8.0], [1.0, 0.0, 0.0]).unwrap();
