@@ -13,7 +13,7 @@ import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { BOTH_SIDES, FRONT_SIDE, isOfSolids } from "../src/proto/sides.ts";
 import { type Point, pointOf } from "../src/space/point.ts";
-import { randomOf } from "../wire/tests/support.ts";
+import { randomOf, range } from "../wire/tests/support.ts";
 import { AHEAD, box, cameraAt, drawableAt, folded, UPRIGHT } from "./drawScene.ts";
 
 test("places never overlap, and what is given back can be taken again", () => {
@@ -306,7 +306,10 @@ test("eyes see into what is open as far as the wire says, and no farther", () =>
   assert.deepEqual([facing(far, 0, 0, end - 0.01), facing(far, 0, 0, end + 0.01)], [BOTH, FRONT]);
   const start = -1 - Math.sqrt(12) / 64;
   assert.deepEqual([facing(far, 0, 0, start + 0.01), facing(far, 0, 0, start - 0.01)], [BOTH, FRONT]);
-  assert.deepEqual([0, far, below, BOTH_SIDES].map(isOfSolids), [true, true, false, false]);
+  assert.deepEqual([facing(far, 0.999, 0, 0), facing(far, 1.01, 0, 0)], [BOTH, FRONT]);
+  assert.deepEqual([0, far, 0xee_eeee, below, BOTH_SIDES].map(isOfSolids), [true, true, true, false, false]);
+  const openAtOne = range(0, 6).map((face) => 15 << (4 * face));
+  assert(!openAtOne.some(isOfSolids));
 });
 
 test("a walker's camera looks along its own -z", () => {

@@ -89,6 +89,10 @@ test("each fault is named", () => {
   }
 });
 
+test("a run that skips nothing changes nothing for what is put next", () => {
+  assert.deepEqual([...holding([1, 5, 9]).decode(varints(3, 1, 2, 0, 1, 1), 8, ROOM)], [3]);
+});
+
 test("a batch and a frame have no more ids than they may, and the least that they may", () => {
   const held = range(0, 20_000);
   const kept = (count: number) => varints(3, 0, 4 * count + 2, 0);
@@ -101,10 +105,14 @@ test("a batch and a frame have no more ids than they may, and the least that the
   assert.throws(() => holding([]).decode(put(3), 8, 2), /2 were left/);
 });
 
-test("the last eight complete frames are held, in order of their ids", () => {
+test("the last eight complete frames are held, in order of their ids, each once", () => {
   const decoder = new IdDecoder();
   for (const frame of range(0, 10)) {
-    decoder.complete(frame, Uint32Array.of(frame + 5, frame, frame + 5));
+    const twice = [frame, frame];
+    decoder.complete(
+      frame,
+      Uint32Array.from(frame % 2 === 0 ? [frame + 5, ...twice] : [...twice, frame + 5]),
+    );
   }
   const keepTwo = (back: number) => varints(back, 0, 4 * 2 + 2, 0);
   assert.deepEqual([...decoder.decode(keepTwo(8), 10, ROOM)], [2, 7]);
@@ -131,8 +139,11 @@ test("what is held does not change with whom the frame belongs to", () => {
 
 test("ids that the scene does not have, or that come twice, are found", () => {
   assert.equal(faultOfIds(Uint32Array.of(), 0), undefined);
-  assert.equal(faultOfIds(Uint32Array.of(3, 0, 4), 5), undefined);
+  const ids = Uint32Array.of(3, 0, 4);
+  assert.equal(faultOfIds(ids, 5), undefined);
+  assert.deepEqual([...ids], [3, 0, 4], "they stay in their order");
   assert.equal(faultOfIds(Uint32Array.of(3, 5, 4), 5), "drawable 5 is not in the scene, which has 5");
+  assert.equal(faultOfIds(Uint32Array.of(5, 3), 5), "drawable 5 is not in the scene, which has 5");
   assert.equal(faultOfIds(Uint32Array.of(3, 0, 3), 5), "drawable 3 comes twice in a frame");
   assert.equal(faultOfIds(Uint32Array.of(0, 0), 5), "drawable 0 comes twice in a frame");
 });

@@ -36,9 +36,11 @@ test("sets are joined and taken from each other as lists of numbers are", () => 
         a.covers(b),
         right.every((object) => left.includes(object)),
       );
+      assert.equal(a.equals(b), left.join() === right.join());
       assert.equal(a.isApartFrom(b), !right.some((object) => left.includes(object)));
     }
     assert.equal(a.size, [...a].length);
+    assert.equal(a.equals(undefined), false);
   }
   assert.deepEqual(ObjectSet.run(3, 6), ObjectSet.of([3, 4, 5]));
   assert.ok(ObjectSet.run(3, 3).isEmpty);

@@ -26,6 +26,12 @@ const part = (number: number, length: number, offset: number, ...bytes: number[]
   return { number, length, offset, part: Uint8Array.from(bytes) };
 };
 
+test("pieces can be unpacked once the codecs are loaded", async () => {
+  const packed = await packPiece(someVertices(randomOf(4), 3), Uint32Array.of(0, 1, 2));
+  const unpacked = loadCodecs().then(() => unpackPiece(packed));
+  assert.equal((await unpacked).triangles, 1);
+});
+
 test("pieces unpack to the byte, each triangle with the same corner first", async () => {
   const random = randomOf(5);
   let turned = 0;
@@ -102,8 +108,11 @@ test("counts that do not go with the bytes are refused before memory is taken", 
   }
   assert.throws(() => unpackPiece(head(1, 1, 5).u32(0).take()), /cut short/);
   assert.throws(() => unpackPiece(new Uint8Array(11)), /cut short/);
-  const many = head(180_000_000, 60_000_000, 0).bytes(new Uint8Array(60_000_000)).take();
-  assert.throws(() => unpackPiece(many), /says that it holds 180000000 vertices/);
+  // A gigabyte is 53,687,091.2 vertices, or 89,478,485.3 triangles.
+  const claim = (vertices: number, triangles: number) => () =>
+    unpackPiece(head(vertices, triangles, 0).bytes(new Uint8Array(triangles)).take());
+  assert.throws(claim(53_687_092, 17_895_698), /says that it holds 53687092 vertices and 17895698 triangles/);
+  assert.throws(claim(3, 89_478_486), /says that it holds 3 vertices and 89478486 triangles/);
 });
 
 test("positions that are not finite and indices without a vertex are refused", async () => {
@@ -130,7 +139,10 @@ test("bytes that no codec wrote are refused by name", async () => {
   assert.throws(() => unpackPiece(noVertices), new WireError("the vertices of a piece cannot be unpacked"));
   const noIndices = packed.slice();
   noIndices[13 + new DataView(packed.buffer).getUint32(8, true)] = 0;
-  assert.throws(() => unpackPiece(noIndices), new WireError("the indices of a piece cannot be unpacked"));
+  const onlyTurns = new Writer().u32(3).u32(1).u32(0).u8(0).take();
+  for (const bytes of [noIndices, onlyTurns]) {
+    assert.throws(() => unpackPiece(bytes), new WireError("the indices of a piece cannot be unpacked"));
+  }
 });
 
 test("parts in order make a piece", () => {

@@ -46,7 +46,7 @@ b9 83 b2 36 2a 28 8f 92 b9 14 28 8f 78 29 36 b8 1c f8 32 87 22 2c 9e 87 32 5c c9
 
 test("records read back, whatever their order", () => {
   for (const ids of [[], [5], [5, 6, 9], [9, 0, 6], range(0, 249)]) {
-    const records = ids.map((id) => record(id));
+    const records = ids.map((id) => record(id, { worldMin: [id - 0.1, 2, -3] }));
     assert.deepEqual(unpackRecords(packRecords(records)), records);
   }
   assert.equal(unpackRecords(packRecords(range(0, 256).map(() => record(3)))).length, 256);
@@ -98,19 +98,20 @@ test("a frame of zstd is one, claims its length if any, and nothing unreasonable
   const content = Uint8Array.from(range(0, 200));
   assert.deepEqual(unzstd(rawFrame(content), 200), content);
   // Two blocks, the second of one repeated byte, with a window and no length.
-  const start = new Writer()
-    .u32(0xfd2fb528)
-    .u8(0)
-    .u8(0x38)
-    .u24(2 << 3)
-    .bytes(Uint8Array.of(1, 2));
-  const repeated = (times: number) =>
+  const repeated = (times: number, window = 0x38) =>
     new Writer()
-      .bytes(start.take())
+      .u32(0xfd2fb528)
+      .u8(0)
+      .u8(window)
+      .u24(2 << 3)
+      .bytes(Uint8Array.of(1, 2))
       .u24((times << 3) | 2 | 1)
       .u8(9)
       .take();
-  assert.deepEqual(unzstd(repeated(3), 5), Uint8Array.of(1, 2, 9, 9, 9));
+  // Windows of 128 kB, 7.5 MB and 8 MB, with a kB of 1024 bytes.
+  for (const window of [0x38, 0x67, 0x68]) {
+    assert.deepEqual(unzstd(repeated(3, window), 5), Uint8Array.of(1, 2, 9, 9, 9));
+  }
   const head = (...bytes: number[]) => new Writer().u32(0xfd2fb528).bytes(Uint8Array.from(bytes));
   const faults: [string, Uint8Array, RegExp][] = [
     ["no magic", fromHex("00 00 00 00 00"), /no frame of zstd/],
@@ -123,6 +124,7 @@ test("a frame of zstd is one, claims its length if any, and nothing unreasonable
         .take(),
       /claims to hold/,
     ],
+    ["a window of nine megabytes", repeated(198, 0x69), /window of more than 8388608 bytes/],
     ["a window of gigabytes", head(0, 0xa0).u24(1).take(), /window/],
     ["a dictionary", head(0x21, 200, 7).u24(1).take(), /dictionary/],
     ["a reserved bit", head(0x28, 200).u24(1).take(), /version to come/],
@@ -180,7 +182,8 @@ test("a record that cannot be of the scene is refused, for each reason", () => {
     assert.throws(() => records.take(changed), fault);
     assert.equal(records.count, 0);
   }
-  const largest = record(599, { node: 399, geometry: 249, object: 99, worldMax: [600, 2, -3] });
+  const worldMax = [600, 2, -3] as const;
+  const largest = record(599, { node: 399, geometry: 249, object: 99, pieces: 65_535, worldMax });
   assert.equal(new Records(OUTLINE).take(largest), true);
 });
 

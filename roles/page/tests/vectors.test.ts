@@ -3,7 +3,6 @@
 import assert from "node:assert/strict";
 import { Reader, Writer, whole } from "trimaran-transport";
 
-import { IdDecoder } from "../src/proto/idCoding.ts";
 import { CloseCode, type Identity, TRIMARAN } from "../src/proto/identity.ts";
 import { type RoleMessage, viewMessages } from "../src/proto/messages.ts";
 import { numberList } from "../src/proto/numbers.ts";
@@ -150,7 +149,8 @@ testPage(PROTO, FORMAT, {
   "coded-ids": {
     kind: Kind.codedBatch,
     check(payload) {
-      const decoder = new IdDecoder();
+      const decoder = TRIMARAN.decoder?.();
+      assert(decoder !== undefined);
       decoder.complete(7, Uint32Array.from(range(100, 150)));
       assert.deepEqual([...decoder.decode(payload, 9, 1000)], NOW);
       return encodeIds(NOW, 2, range(100, 150));
