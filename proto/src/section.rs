@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_is_bounded_by_six_planes_that_point_outwards() {
+    fn a_box_keeps_its_corners_and_is_bounded_by_six_planes_that_point_outwards() {
         let corners = [[0.5, 1.0, 2.0], [3.0, 4.0, 5.0]];
         let kept = SectionBox::try_from(corners).unwrap();
         assert_eq!((kept.min(), kept.max(), <[[f64; 3]; 2]>::from(kept)), (corners[0], corners[1], corners));

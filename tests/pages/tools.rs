@@ -470,8 +470,8 @@ fn a_search_shows_all_that_it_finds_and_what_is_chosen() {
     browser.done(json!({ "do": "type", "text": "20 ce050" }));
     said(&mut browser, rows, |all| all == ["/20-CE050_A"]);
 
-    // All of 250 can be reached; the selected row stays in sight. At once, since letter by letter an answer to
-    // the last one would put the keys back to the first row.
+    // All of 250 can be reached; the selected row stays in sight. The text is filled in at once: after single
+    // letters, a late answer would select the first row again.
     browser.done(json!({ "do": "fill", "label": "Search names and attributes", "text": "20ce" }));
     said(&mut browser, rows, |all| all.first().is_some_and(|first| first == "/20-CE000_A"));
     let in_sight = json!({ "do": "visible", "selector": chosen, "within": "#found" });

@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phases_repeat_but_not_in_no_time() {
+    fn phases_with_a_period_of_zero_do_not_repeat() {
         let fast = LinkModel::clean(None, Duration::ZERO);
         let slow = Conditions { delay: Duration::from_secs(1), ..fast.conditions };
         let phases = vec![Phase { at: Duration::from_secs(2), conditions: slow }];

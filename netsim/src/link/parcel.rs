@@ -74,7 +74,7 @@ mod tests {
     use super::Ecn::{Capable0, Capable1, Experienced, NotCapable};
 
     #[test]
-    fn only_packets_of_transports_without_marks_are_dropped_for_them() {
+    fn all_packets_but_those_of_transports_without_marks_can_be_marked() {
         let markable = [NotCapable, Capable0, Capable1, Experienced].map(super::Ecn::is_markable);
         assert_eq!(markable, [false, true, true, true]);
     }

@@ -30,7 +30,7 @@ pub enum Discipline {
     CoDel(CoDel),
 }
 
-/// Controlled delay (RFC 8289): when packets have waited longer than `target` for an `interval`, some are
+/// Controlled delay (RFC 8289): when packets have waited at least `target` for an `interval`, some are
 /// dropped, ever more often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -254,7 +254,7 @@ mod tests {
         assert!((99..=102).contains(&gaps[0]) && (70..=73).contains(&gaps[1]), "{gaps:?}");
     }
 
-    /// RFC 8289, section 5.4: a wait of the target is not below it, and drops resume at the rate that helped.
+    /// RFC 8289, section 5: a wait of the target is not below it, and drops resume at the rate that helped.
     #[test]
     fn drops_resume_at_their_rate_only_soon_after_the_last() {
         assert!(!drops(5, 200).is_empty());

@@ -90,7 +90,8 @@ pub struct LinkTally {
     pub queued: Count,
     /// Being sent or in flight.
     pub flying: Count,
-    /// Marked "congestion experienced" rather than dropped; also counted under their outcome.
+    /// Marked "congestion experienced" rather than dropped, also by a link before; also counted under their
+    /// outcome.
     pub marked: Count,
 }
 

@@ -262,7 +262,7 @@ fn the_longest_rejection_is_not_cut() {
 }
 
 #[test]
-fn a_relay_takes_displays_and_serves_nobody_the_scene() {
+fn a_relay_takes_displays_but_no_culler_and_serves_nobody_the_scene() {
     let relay = Identity { scene: None, ..identity(Role::Relay, None) };
     let leads = identity(Role::Display, Some(settings()));
     let admit = |ours: &Identity, theirs: &Identity| Walkthrough::admit(ours, theirs).map_err(|why| why.code);

@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::{NoOccluders, TestBox};
 
-    /// A device of an embedder, with what each must have. Its error is the name of the step that failed.
+    /// A device with only the required methods. Its error is the name of the step that failed.
     struct Least(Vec<&'static str>);
 
     #[derive(Debug, PartialEq, thiserror::Error)]

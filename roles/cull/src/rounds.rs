@@ -11,7 +11,7 @@
 //!   found. In a calm frame little is new, so it has one round.
 //! - A further one comes where as many are left, and the last one hid at least half of what it tested.
 //!
-//! Ids are returned as they are found, level by level, while next to nothing is new: less than a 32nd of a
+//! Ids are returned as they are found, level by level, while next to nothing is new: at most a 32nd of a
 //! budget. Later ones are held until the last round, and keep their order.
 
 use trimaran_proto::DrawableId;

@@ -134,8 +134,8 @@ impl ScreenProjection {
         let [a, b, c] = test_box.axes.map(Vec3::as_dvec3);
         let thickness = a.z.abs() + b.z.abs() + c.z.abs();
         let (front, back) = (-centre.z - thickness, -centre.z + thickness);
-        // Not even twice the smallest f32: below that reciprocals overflow.
         let is_finite = [centre, a, b, c].iter().all(|v| v.is_finite());
+        // Not even twice the smallest f32: below that reciprocals overflow.
         if !(front > f64::from(f32::MIN_POSITIVE) && is_finite) {
             return None;
         }

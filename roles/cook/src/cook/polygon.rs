@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_miss_leave_it_whole_and_nonsense_is_refused() {
+    fn a_line_outside_leaves_it_whole_one_along_an_edge_does_not_and_nonsense_is_refused() {
         assert!(matches!(right().cut(|p| p.x), Some(Cut::Positive)));
         assert!(matches!(right().cut(|p| p.x - 5.0), Some(Cut::Negative)));
         assert!(matches!(right().cut(|p| -p.x), Some(Cut::Both(..))), "an edge on the line is positive");

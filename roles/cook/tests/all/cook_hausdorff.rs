@@ -81,7 +81,7 @@ fn parallel_squares_are_their_distance_apart() {
 
 #[test]
 fn beyond_the_work_limit_the_bound_is_looser_but_no_smaller() {
-    // A long blade over points: everywhere between two of them it is half a unit from both.
+    // Thin blades with points along one edge. Midway between two points, both are half a unit away.
     let [near, limited] = [10, 100].map(|length: u16| {
         let v = |x: u16, y: f32| Vec3::new(x.into(), y, 0.0);
         let blades = (0..4).map(|i| [v(i * length, 0.0), v((i + 1) * length, 0.0), v(i * length, 0.01)]);

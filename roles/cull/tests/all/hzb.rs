@@ -194,7 +194,7 @@ fn a_box_takes_at_most_256_texels() {
     let view = View::new(camera, viewport);
     // The test begins at level 6, whose texels have 64 pixels. The first one hides the plate and does not
     // count. The next two lead to 127 texels each, down to the pixels. The last one ends in background, so it
-    // is opened. Its first half is the 256th texel and hides the plate. A 225th pixel leads to more.
+    // is opened. With its first half, which hides the plate, these are 256. A 225th column leads to more.
     for (columns, shows) in [(224, 0), (225, 1)] {
         let inverse = |column: f64| (1.0 + column / f64::from(columns)) / 8.0;
         let end = |column: f64| DVec3::new((column - 128.0) / 128.0, 0.0, -1.0) / inverse(column);
@@ -216,7 +216,7 @@ fn a_box_takes_at_most_256_texels() {
     }
 }
 
-/// The nearest depth of this box, with its allowance, is a number of f32: few boxes have one.
+/// The nearest depth of this box, with its allowance, is exactly an f32. Few boxes have such a depth.
 #[test]
 fn a_box_at_the_very_depth_of_the_picture_shows() {
     let viewport = Viewport::new(8, 8).unwrap();

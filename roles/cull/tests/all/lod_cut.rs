@@ -55,7 +55,7 @@ fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
 }
 
 #[test]
-fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
+fn above_the_bound_an_interior_node_is_refined_though_it_has_a_level_and_a_leaf_is_drawn() {
     let half = Vec3::splat(0.5);
     let objects = [-2.0, 2.0].map(|x| Object::new(Mesh::cuboid(-half, half, 1)).at(DVec3::new(x, 20.0, 0.0)));
     let scene = build(&objects, true).unwrap();

@@ -160,7 +160,7 @@ fn a_calm_frame_has_one_round_and_its_ids_leave_level_by_level() {
     assert!(parts > case.views.len());
 }
 
-/// Finds what it is told to, and then shows as many boxes of each batch: the first ones.
+/// Finds the given drawables. Of each batch after that it shows the first boxes, as many as `shown` says.
 struct Scripted {
     found: WholeTraversal,
     shown: std::slice::Iter<'static, usize>,

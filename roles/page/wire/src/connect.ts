@@ -71,7 +71,7 @@ export async function connect<Hello, Value, Header, Items, Message, C extends Ch
     const rule = { keep, maxUnread, maxItems: typeof maxItems === "number" ? maxItems : maxItems(peer) };
     return new Link({ protocol, peer, ...met, clock, hashers, rule });
   } catch (error) {
-    const text = error instanceof LinkError ? error.message : "it failed when it judged this side";
+    const text = error instanceof LinkError ? error.message : "it failed while it made the link";
     for (const lane of [...Object.values(met.lanes), ...met.channels]) {
       lane.leave({ code: CODE_NOT_TAKEN, text });
     }
@@ -81,13 +81,9 @@ export async function connect<Hello, Value, Header, Items, Message, C extends Ch
 
 /** The listener's hello. Throws a `LinkError` if this side does not take it. */
 function judge<Hello>(listener: Uint8Array, hello: Codec<Hello>, { admit }: ConnectOptions<Hello>): Hello {
+  let peer: Hello;
   try {
-    const peer = whole(hello).decode(listener);
-    const why = admit?.(peer);
-    if (why !== undefined) {
-      throw new LinkError("rejected", why);
-    }
-    return peer;
+    peer = whole(hello).decode(listener);
   } catch (error) {
     if (error instanceof WireError) {
       const text = `the listener's hello cannot be read: ${error.message}`;
@@ -95,4 +91,9 @@ function judge<Hello>(listener: Uint8Array, hello: Codec<Hello>, { admit }: Conn
     }
     throw error;
   }
+  const why = admit?.(peer);
+  if (why !== undefined) {
+    throw new LinkError("rejected", why);
+  }
+  return peer;
 }

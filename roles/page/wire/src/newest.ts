@@ -23,6 +23,9 @@ export class NewestSender {
   }
 
   publish(value: Uint8Array): void {
+    if (this.#isStopped) {
+      return;
+    }
     this.#waiting = value;
     if (this.#callOff === undefined) {
       this.#flush();
@@ -33,11 +36,12 @@ export class NewestSender {
   stop(): void {
     this.#callOff?.();
     this.#isStopped = true;
+    this.#waiting = undefined;
   }
 
   #flush(): void {
     this.#callOff = undefined;
-    if (this.#isStopped || this.#waiting === undefined) {
+    if (this.#waiting === undefined) {
       return;
     }
     if (this.#lane.buffered() > MOST_BUFFERED) {

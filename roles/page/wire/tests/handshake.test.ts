@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { WireError } from "../src/bytes.ts";
 import { LinkError, type LinkErrorCode } from "../src/errors.ts";
 import {
   CODE_NOT_TAKEN,
@@ -176,17 +177,22 @@ test("a listener that is not taken is told so", async () => {
   assert(robot.areAllClosed);
 });
 
-test("an error of the caller's own judgement is thrown as it is", async () => {
-  const robot = new Robot();
-  const error = new Error("the map is not loaded");
-  const admit = () => {
+test("an error of the caller's own judgement is thrown as it is, and the listener is told", async () => {
+  const fail = (error: Error) => () => {
     throw error;
   };
-  const link = robot.connect({ admit });
-  await opened(robot);
-  robot.accept();
-  assert.equal(await errorOf(link), error);
-  assert.deepEqual([robot.areAllClosed, robot.clock.waiting], [true, 0]);
+  const error = new WireError("of the caller");
+  for (const judged of [{ admit: fail(error) }, { maxItems: fail(error) }]) {
+    const robot = new Robot();
+    const link = robot.connect(judged);
+    await opened(robot);
+    robot.accept();
+    assert.equal(await errorOf(link), error);
+    const [close] = robot.heard("messages");
+    const expected = { code: CODE_NOT_TAKEN, text: "it failed while it made the link" };
+    assert.deepEqual(close && decodeClose(close.payload), expected);
+    assert.deepEqual([robot.areAllClosed, robot.clock.waiting], [true, 0]);
+  }
 });
 
 test("a listener whose hello cannot be read is not taken", async () => {

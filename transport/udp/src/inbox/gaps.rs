@@ -197,6 +197,10 @@ mod tests {
         for (length, kept) in [(120, Ok(true)), (121, Err(LaneViolation::End))] {
             let block = Block { offset: 0, length, shard: 62, count: 1 };
             assert_eq!(inbox.put_repair(0, block, None, 0, &[0; 62]), kept);
+            let mut inbox = empty();
+            inbox.put_repair(0, block, None, 0, &[0; 62]).unwrap();
+            let put = inbox.put(0, 100, Tail::Frame(7), &bytes[100..]);
+            assert_eq!(put.err(), kept.err(), "the other way round");
         }
         let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 100);
         let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };

@@ -56,7 +56,8 @@ impl Unit {
     pub(super) fn note(&mut self, to: u64, tail: Tail) -> Result<(), LaneViolation> {
         let beyond = self.end.is_some_and(|(end, _)| to > end);
         let ends = matches!(tail, Tail::End | Tail::Frame(_));
-        let moved = ends && (self.end.is_some_and(|known| known != (to, tail)) || to < self.highest);
+        let reached = self.highest.max(self.blocks.end());
+        let moved = ends && (self.end.is_some_and(|known| known != (to, tail)) || to < reached);
         if beyond || moved {
             return Err(LaneViolation::End);
         }
