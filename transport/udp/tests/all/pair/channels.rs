@@ -115,7 +115,7 @@ fn frames_of_a_channel_are_coded_if_its_declaration_and_the_connection_say_so() 
     ] {
         let mut pair = pair(first);
         then.into_iter().for_each(|coded| pair.ends[0].set_coded(coded));
-        let batch = FrameMessage::Coded(Bytes::from_static(&[0; 3]));
+        let batch = FrameMessage::Coded(Bytes::from_static(&[0; 8]));
         for (lane, header, _) in LANES {
             for message in frame(0, header, vec![batch.clone()]) {
                 pair.ends[0].send_on(lane, &message);
