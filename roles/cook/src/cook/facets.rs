@@ -75,7 +75,7 @@ fn edge_key(p: Vec3, q: Vec3) -> u64 {
         // Adding zero turns -0 into 0.
         let [x, y, z] = (v + Vec3::ZERO).to_array().map(|c| u64::from(c.to_bits()));
         let mixed = (x ^ y.rotate_left(24) ^ z.rotate_left(48)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        // Multiplying alone is linear: the flipped signs of both ends may cancel, and mirrored edges share a key.
+        // Multiplying alone is linear: the flipped signs of both ends may cancel, and mirrored edges tie.
         mixed ^ mixed >> 32
     };
     key(p).wrapping_add(key(q))
