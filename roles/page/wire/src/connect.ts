@@ -41,7 +41,8 @@ export interface ConnectOptions<Hello> extends Waiting {
 /**
  * Connects once to the listener at `url`, such as `ws://robot.local:7400/`, and introduces this side to it.
  *
- * Throws a `LinkError` if there is no link, and the signal's reason if that is aborted.
+ * Throws a `LinkError` if there is no link, and the signal's reason if that is aborted. Errors of the options'
+ * own functions are thrown as they are.
  */
 export async function connect<Hello, Value, Header, Items, Message, C extends Channels = NoChannels>(
   url: string,
